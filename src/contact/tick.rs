@@ -1,0 +1,362 @@
+//! One haptic tick of the geometric scheme: the paper's hybrid of a geometric deformation and a
+//! constraint force, in its order. Allocates nothing, locks nothing, does no I/O.
+
+use super::collision::{Collision, first_collision};
+use super::law::{Law, Mode};
+use super::operators::{Metric, Support};
+use super::surface::{ContactPoint, ContactSurface, Projection, Shape, Visited};
+use crate::Vec3;
+use crate::model::local::{LocalModel, LocalState};
+use crate::model::network::snap_to_rest;
+
+/// Below this share of its weight on free patch nodes a contact point is rigid.
+pub const RIGID_BELOW: f64 = 0.5;
+
+/// Most nodes that a contact point can rest on.
+const LARGEST_SUPPORT: usize = 3;
+
+/// How the mesh is moved out of (or back to) the tip.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Deformation {
+    /// Every free support node by d/Σ_free w: the triangle is pushed (the paper).
+    Rigid,
+    /// Node i by wᵢd/s: the smallest displacement that brings the contact point to the tip.
+    LeastNorm,
+}
+
+/// What a surface that cannot yield answers with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wall {
+    /// N/m.
+    pub stiffness: f64,
+    /// N·s/m.
+    pub damping: f64,
+}
+
+/// Everything a scene decides about contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactRules {
+    /// The constraint.
+    pub law: Law,
+    /// Where the contact point is, and its normal.
+    pub surface: ContactSurface,
+    /// How the mesh is moved to the tip.
+    pub deformation: Deformation,
+    /// The inner product of P and Q.
+    pub metric: Metric,
+    /// Rigid contact.
+    pub wall: Wall,
+}
+
+/// A contact between two ticks: where, and what it did last. The latter decides where the next tick
+/// looks for it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contact {
+    /// The material point.
+    pub point: ContactPoint,
+    /// What it did last.
+    pub grip: Grip,
+}
+
+/// What a contact did last.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Grip {
+    /// Held its point.
+    Stick,
+    /// Slid without friction.
+    Slide,
+    /// Slipped at the Coulomb bound.
+    Slip,
+    /// Pulled at the tip: no force, but kept.
+    Tension,
+    /// Met what cannot yield.
+    Rigid,
+}
+
+/// What a tick did.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TickReport {
+    /// Free, or what the contact did.
+    pub mode: Mode,
+    /// Force commanded to the instrument, before device limits, N.
+    pub force: Vec3,
+    /// f·n̂, N; 0 when free.
+    pub normal_force: f64,
+    /// Where the contact was; `None` when free.
+    pub touch: Option<Touch>,
+    /// τ, if the contact began in this tick.
+    pub collision_time: Option<f64>,
+    /// Whether a contact ended in this tick.
+    pub released: bool,
+    /// Whether the contact was rigid.
+    pub rigid: bool,
+}
+
+/// The contact as located at the start of a tick, or at the time of collision.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Touch {
+    /// The material point.
+    pub point: ContactPoint,
+    /// Its position, m.
+    pub position: Vec3,
+    /// n̂.
+    pub normal: Vec3,
+}
+
+impl TickReport {
+    fn free(released: bool) -> Self {
+        Self {
+            mode: Mode::Free,
+            force: Vec3::zeros(),
+            normal_force: 0.0,
+            touch: None,
+            collision_time: None,
+            released,
+            rigid: false,
+        }
+    }
+
+    fn touching(mode: Mode, force: Vec3, touch: Touch) -> Self {
+        let normal_force = force.dot(&touch.normal);
+        Self { mode, force, normal_force, touch: Some(touch), ..Self::free(false) }
+    }
+
+    /// |f − (f·n̂) n̂|, N; 0 when free.
+    pub fn tangential_force(&self) -> f64 {
+        self.touch.map_or(0.0, |touch| (self.force - touch.normal * self.normal_force).norm())
+    }
+}
+
+/// Where a tick meets the surface, and how much of it is left.
+struct Meeting {
+    point: ContactPoint,
+    elapsed: f64,
+    rest: f64,
+    collision_time: Option<f64>,
+}
+
+/// The local side: the model in use, its state, and the contact.
+#[derive(Debug, Clone)]
+pub struct LocalSimulation {
+    rules: ContactRules,
+    step: f64,
+    model: LocalModel,
+    state: LocalState,
+    /// Ticks between the state that the model was built from and its first tick.
+    latency: u64,
+    age: u64,
+    contact: Option<Contact>,
+    support: Support,
+    visited: Visited,
+    hits: Vec<Collision>,
+}
+
+impl LocalSimulation {
+    /// Starts with a first model; `step` is h. All that ticks need is allocated here.
+    pub fn new(rules: ContactRules, step: f64, model: LocalModel, state: LocalState) -> Self {
+        let triangles = model.surface.triangles.len();
+        Self {
+            rules,
+            step,
+            model,
+            state,
+            latency: 0,
+            age: 0,
+            contact: None,
+            support: Support::with_capacity(LARGEST_SUPPORT),
+            visited: Visited::new(triangles),
+            hits: Vec::with_capacity(triangles),
+        }
+    }
+
+    /// Puts a new model to use, `latency` ticks after the state it was built from. Nodes of both
+    /// patches go on from where they are; nodes that enter start at the new model's state. The old
+    /// model comes back, so that whoever built it can dispose of it.
+    pub fn hand_over(&mut self, model: LocalModel, mut state: LocalState, latency: u64) -> (LocalModel, LocalState) {
+        state.carry_over(&model.patch, &self.state, &self.model.patch);
+        self.latency = latency;
+        self.age = 0;
+        (std::mem::replace(&mut self.model, model), std::mem::replace(&mut self.state, state))
+    }
+
+    /// The model in use.
+    pub fn model(&self) -> &LocalModel {
+        &self.model
+    }
+
+    /// Its state.
+    pub fn state(&self) -> &LocalState {
+        &self.state
+    }
+
+    /// The contact, if there is one.
+    pub fn contact(&self) -> Option<Contact> {
+        self.contact
+    }
+
+    /// Ticks done with this model.
+    pub fn model_age(&self) -> u64 {
+        self.age
+    }
+
+    /// Seconds since the state that the model was built from.
+    pub fn elapsed(&self) -> f64 {
+        (self.latency + self.age) as f64 * self.step
+    }
+
+    /// The surface now.
+    pub fn shape(&self) -> Shape<'_> {
+        Shape { model: &self.model, x: &self.state.x, elapsed: self.elapsed() }
+    }
+
+    /// One tick, in which the tip goes from q₀ to q₁.
+    pub fn tick(&mut self, q0: Vec3, q1: Vec3) -> TickReport {
+        self.model.evaluate_forces(self.elapsed(), &mut self.state);
+        self.predict();
+        let report = match self.meet(q0, q1) {
+            None => {
+                let released = self.contact.take().is_some();
+                self.accept_prediction();
+                TickReport::free(released)
+            }
+            Some(meeting) => self.respond(meeting, q0, q1),
+        };
+        self.age += 1;
+        snap_to_rest(&mut self.state.v);
+        self.model.place_boundary(self.elapsed(), &mut self.state.x);
+        report
+    }
+
+    /// Step 1 (11): v* = v + h M⁻¹f, x* = x + h v*.
+    fn predict(&mut self) {
+        let LocalState { x, v, f, x_predicted, v_predicted, .. } = &mut self.state;
+        for (i, inverse_mass) in self.model.patch.inverse_mass.iter().enumerate() {
+            v_predicted[i] = v[i] + f[i] * (self.step * inverse_mass);
+            x_predicted[i] = x[i] + v_predicted[i] * self.step;
+        }
+    }
+
+    fn accept_prediction(&mut self) {
+        let LocalState { x, v, x_predicted, v_predicted, .. } = &mut self.state;
+        std::mem::swap(x, x_predicted);
+        std::mem::swap(v, v_predicted);
+    }
+
+    /// Step 2: where the tip meets the surface in this tick; `None` where it does not, or no longer.
+    fn meet(&mut self, q0: Vec3, q1: Vec3) -> Option<Meeting> {
+        let elapsed = self.elapsed();
+        let now = Shape { model: &self.model, x: &self.state.x, elapsed };
+        let predicted = Shape { model: &self.model, x: &self.state.x_predicted, elapsed: elapsed + self.step };
+        let Some(Contact { point, grip }) = self.contact else {
+            let collision = first_collision(&now, &predicted, q0, q1, &mut self.hits)?;
+            return Some(self.rewind(collision));
+        };
+        let found = match grip {
+            Grip::Stick => Projection::Found(point),
+            Grip::Slide => now.project(self.rules.surface, &point, q1, &mut self.visited),
+            // The mesh slid under a tip that stood at q₀.
+            Grip::Slip => now.project(self.rules.surface, &point, q0, &mut self.visited),
+            Grip::Tension | Grip::Rigid if predicted.is_outside(q1) => return None,
+            Grip::Tension => Projection::Found(now.nearest(q0).unwrap_or(point)),
+            Grip::Rigid => now.project(self.rules.surface, &point, q1, &mut self.visited),
+        };
+        match found {
+            Projection::Found(point) => Some(Meeting { point, elapsed, rest: self.step, collision_time: None }),
+            Projection::OverBorder => None,
+        }
+    }
+
+    /// Back to the time of collision: x ← x + τ h v*, v ← v + τ h M⁻¹f.
+    fn rewind(&mut self, collision: Collision) -> Meeting {
+        let passed = collision.time * self.step;
+        let LocalState { x, v, f, v_predicted, .. } = &mut self.state;
+        for (i, inverse_mass) in self.model.patch.inverse_mass.iter().enumerate() {
+            x[i] += v_predicted[i] * passed;
+            v[i] += f[i] * (passed * inverse_mass);
+        }
+        let elapsed = self.elapsed() + passed;
+        self.model.evaluate_forces(elapsed, &mut self.state);
+        let rest = self.step - passed;
+        Meeting { point: collision.point, elapsed, rest, collision_time: Some(collision.time) }
+    }
+
+    /// Steps 3 to 6 for a contact point.
+    fn respond(&mut self, meeting: Meeting, q0: Vec3, q1: Vec3) -> TickReport {
+        let Meeting { point, elapsed, rest, collision_time } = meeting;
+        let shape = Shape { model: &self.model, x: &self.state.x, elapsed };
+        let touch =
+            Touch { point, position: shape.position(&point), normal: shape.normal(self.rules.surface, &point) };
+        shape.support(self.rules.metric, &point, &mut self.support);
+        if self.support.free_weight() < RIGID_BELOW {
+            return self.respond_rigidly(touch, collision_time, q0, q1);
+        }
+
+        self.deform(touch, elapsed, q1);
+        let reaction = self.support.reaction(&self.state.f);
+        // A reaction that is not a number is no tension: it goes on to the fail-safe.
+        if reaction.dot(&touch.normal) <= 0.0 {
+            self.contact = Some(Contact { point, grip: Grip::Tension });
+            self.accept_prediction();
+            return TickReport { collision_time, ..TickReport::free(false) };
+        }
+        let (mode, force) = self.rules.law.contact_force(reaction, touch.normal);
+        self.integrate(mode, touch.normal, force, rest);
+        let grip = match mode {
+            Mode::Stick => Grip::Stick,
+            Mode::Slip => Grip::Slip,
+            Mode::Slide | Mode::Free => Grip::Slide,
+        };
+        self.contact = Some(Contact { point, grip });
+        TickReport { collision_time, ..TickReport::touching(mode, force, touch) }
+    }
+
+    /// Step 3: moves the contact point to the tip (for sliding, along the normal only), and brings
+    /// the forces up to date for step 4.
+    fn deform(&mut self, touch: Touch, elapsed: f64, q1: Vec3) {
+        let mut d = q1 - touch.position;
+        if self.rules.law == Law::Sliding {
+            d = touch.normal * d.dot(&touch.normal);
+        }
+        let support = &self.support;
+        let deformation = self.rules.deformation;
+        let moved = support.nodes().iter().map(|node| {
+            let share = match deformation {
+                Deformation::Rigid => 1.0 / support.free_weight(),
+                Deformation::LeastNorm => node.weight / support.square_weight(),
+            };
+            (node.slot, d * share)
+        });
+        for (slot, delta) in moved.clone() {
+            self.state.x[slot] += delta;
+        }
+        self.model.update_forces(elapsed, &mut self.state, moved);
+    }
+
+    /// Steps 5 and 6: velocities under the constraint, then x ← x + h v over the rest of the tick.
+    fn integrate(&mut self, mode: Mode, normal: Vec3, force: Vec3, rest: f64) {
+        let LocalState { x, v, f, .. } = &mut self.state;
+        if mode == Mode::Slip {
+            self.support.subtract_contact_force(force, f);
+        }
+        for (i, inverse_mass) in self.model.patch.inverse_mass.iter().enumerate() {
+            v[i] += f[i] * (rest * inverse_mass);
+        }
+        mode.project_velocity(&self.support, normal, v);
+        for (x, v) in x.iter_mut().zip(v).take(self.model.patch.len()) {
+            *x += *v * rest;
+        }
+    }
+
+    /// A wall's answer, max(0, k(p − q₁)·n̂ − b q̇·n̂) n̂, without a force on the mesh.
+    fn respond_rigidly(&mut self, touch: Touch, collision_time: Option<f64>, q0: Vec3, q1: Vec3) -> TickReport {
+        let Wall { stiffness, damping } = self.rules.wall;
+        let depth = (touch.position - q1).dot(&touch.normal);
+        let speed = ((q1 - q0) / self.step).dot(&touch.normal);
+        let push = stiffness * depth - damping * speed;
+        // Written so that NaN is passed on to the fail-safe instead of becoming zero.
+        let push = if push <= 0.0 { 0.0 } else { push };
+        self.contact = Some(Contact { point: touch.point, grip: Grip::Rigid });
+        self.accept_prediction();
+        TickReport { collision_time, rigid: true, ..TickReport::touching(Mode::Slide, touch.normal * push, touch) }
+    }
+}

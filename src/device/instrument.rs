@@ -1,0 +1,158 @@
+//! Instruments: where the tip is.
+
+use std::path::Path as FilePath;
+
+use serde::Deserialize;
+use thiserror::Error;
+
+use crate::Vec3;
+
+/// A tip position at a time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Waypoint {
+    /// s.
+    pub time: f64,
+    /// m.
+    pub position: Vec3,
+}
+
+/// A tip that follows waypoints, linearly between them and at rest before and after, whatever the
+/// force. Times ascend; there is at least one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TipPath {
+    waypoints: Vec<Waypoint>,
+}
+
+/// What is wrong with waypoints.
+#[derive(Debug, Error)]
+pub enum PathError {
+    /// There is none.
+    #[error("there is no waypoint")]
+    Empty,
+    /// A number is NaN or infinite.
+    #[error("waypoint {index} is not finite")]
+    NotFinite {
+        /// Counted from 0.
+        index: usize,
+    },
+    /// A waypoint is not later than the one before.
+    #[error("waypoint {index} at {time} s is not later than the one before it, at {before} s")]
+    NotAscending {
+        /// Counted from 0.
+        index: usize,
+        /// Its time, s.
+        time: f64,
+        /// The time before, s.
+        before: f64,
+    },
+    /// The recording cannot be read.
+    #[error("{0}")]
+    Csv(#[from] csv::Error),
+    /// The recording's columns are others.
+    #[error("its header is `{found}`, not `t,x,y,z`")]
+    Header {
+        /// The first line.
+        found: String,
+    },
+}
+
+impl TipPath {
+    /// Takes waypoints in ascending order.
+    ///
+    /// # Errors
+    /// If there is none, one is not finite, or they do not ascend.
+    pub fn new(waypoints: Vec<Waypoint>) -> Result<Self, PathError> {
+        if waypoints.is_empty() {
+            return Err(PathError::Empty);
+        }
+        for (index, waypoint) in waypoints.iter().enumerate() {
+            if !(waypoint.time.is_finite() && waypoint.position.iter().all(|c| c.is_finite())) {
+                return Err(PathError::NotFinite { index });
+            }
+        }
+        for (index, pair) in waypoints.windows(2).enumerate() {
+            if pair[1].time <= pair[0].time {
+                let index = index + 1;
+                return Err(PathError::NotAscending { index, time: pair[1].time, before: pair[0].time });
+            }
+        }
+        Ok(Self { waypoints })
+    }
+
+    /// Reads a recording: CSV with the header `t,x,y,z`, in s and m.
+    ///
+    /// # Errors
+    /// If the file cannot be read, has other columns or anything but numbers, or its times do not
+    /// ascend; with the line.
+    pub fn from_csv(path: &FilePath) -> Result<Self, PathError> {
+        #[derive(Deserialize)]
+        struct Row {
+            t: f64,
+            x: f64,
+            y: f64,
+            z: f64,
+        }
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path)?;
+        let header: Vec<String> = reader.headers()?.iter().map(str::to_owned).collect();
+        if header != ["t", "x", "y", "z"] {
+            return Err(PathError::Header { found: header.join(",") });
+        }
+        let rows = reader.deserialize::<Row>();
+        let waypoints: Result<Vec<_>, _> =
+            rows.map(|row| row.map(|Row { t, x, y, z }| Waypoint { time: t, position: Vec3::new(x, y, z) })).collect();
+        Self::new(waypoints?)
+    }
+
+    /// The tip at a time, s.
+    pub fn at(&self, time: f64) -> Vec3 {
+        let after = self.waypoints.partition_point(|waypoint| waypoint.time <= time);
+        match (after.checked_sub(1).map(|i| self.waypoints[i]), self.waypoints.get(after)) {
+            (Some(before), Some(after)) => {
+                let fraction = (time - before.time) / (after.time - before.time);
+                before.position + (after.position - before.position) * fraction
+            }
+            (Some(only), None) => only.position,
+            (None, Some(only)) => only.position,
+            (None, None) => unreachable!("a path has at least one waypoint"),
+        }
+    }
+
+    /// The fastest the tip moves, m/s.
+    pub fn top_speed(&self) -> f64 {
+        self.waypoints
+            .windows(2)
+            .map(|pair| (pair[1].position - pair[0].position).norm() / (pair[1].time - pair[0].time))
+            .fold(0.0, f64::max)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn waypoint(time: f64, x: f64) -> Waypoint {
+        Waypoint { time, position: Vec3::x() * x }
+    }
+
+    #[test]
+    fn the_tip_moves_linearly_and_stays_outside() {
+        let path = TipPath::new(vec![waypoint(1.0, 0.0), waypoint(3.0, 4.0), waypoint(4.0, 4.0)]).unwrap();
+        for (time, x) in [(0.0, 0.0), (1.0, 0.0), (1.5, 1.0), (3.0, 4.0), (3.5, 4.0), (9.0, 4.0)] {
+            assert_eq!(path.at(time).x, x, "at {time} s");
+        }
+        assert_eq!(path.top_speed(), 2.0);
+    }
+
+    #[test]
+    fn bad_waypoints_are_named() {
+        assert!(matches!(TipPath::new(vec![]), Err(PathError::Empty)));
+        assert!(matches!(
+            TipPath::new(vec![waypoint(0.0, 0.0), waypoint(0.0, 1.0)]),
+            Err(PathError::NotAscending { index: 1, .. })
+        ));
+        assert!(matches!(
+            TipPath::new(vec![waypoint(0.0, f64::NAN)]),
+            Err(PathError::NotFinite { index: 0 })
+        ));
+    }
+}

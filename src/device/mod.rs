@@ -1,0 +1,4 @@
+//! The instrument in the user's hand, and what protects it.
+
+pub mod failsafe;
+pub mod instrument;

@@ -1,0 +1,69 @@
+//! The energy book of a run: what the instrument put in, what is stored, what was dissipated.
+
+use crate::Vec3;
+use crate::contact::law::Mode;
+use crate::contact::tick::{LocalSimulation, TickReport};
+
+/// Energies of the local model's nodes and springs, and what has flowed so far, J.
+///
+/// The geometric scheme moves nodes without work, so its book does not close: [`residual`] says by
+/// how much. Changes of the stored energy are counted within ticks; what a hand-over changes by
+/// exchanging the model is left out.
+///
+/// [`residual`]: EnergyBook::residual
+#[derive(Debug, Clone, Copy, Default)]
+pub struct EnergyBook {
+    /// ½ Σ m v².
+    pub kinetic: f64,
+    /// ½ Σ k(ℓ − L)².
+    pub elastic: f64,
+    /// −Σ m g·x.
+    pub gravitational: f64,
+    /// −Σ f·(q₁ − q₀): what the instrument put in.
+    pub work: f64,
+    /// Σ |f·(q₁ − q₀)|.
+    pub absolute_work: f64,
+    /// By dampers and drag; trapezoidal over a tick.
+    pub damping_loss: f64,
+    /// By slipping: −f·(the tip's way − the contact point's way).
+    pub friction_loss: f64,
+    /// Change of kinetic, elastic and gravitational energy within ticks.
+    pub stored: f64,
+    power: f64,
+}
+
+impl EnergyBook {
+    /// Takes stock of a model that has just come into use.
+    pub fn take_stock(&mut self, local: &LocalSimulation) {
+        let (model, state) = (local.model(), local.state());
+        self.kinetic = model.kinetic_energy(&state.v);
+        self.elastic = model.elastic_energy(&state.x);
+        self.gravitational = model.gravitational_energy(&state.x);
+        self.power = model.dissipated_power(&state.x, &state.v);
+    }
+
+    /// Books a tick of length `step`, s, that has just been done.
+    pub fn book(&mut self, local: &LocalSimulation, report: &TickReport, q0: Vec3, q1: Vec3, step: f64) {
+        let (before, power_before) = (self.total(), self.power);
+        self.take_stock(local);
+        self.stored += self.total() - before;
+        self.damping_loss += 0.5 * (power_before + self.power) * step;
+        let work = -report.force.dot(&(q1 - q0));
+        self.work += work;
+        self.absolute_work += work.abs();
+        if let (Mode::Slip, Some(touch)) = (report.mode, report.touch) {
+            let way = local.shape().position(&touch.point) - touch.position;
+            let friction = report.force - touch.normal * report.normal_force;
+            self.friction_loss -= friction.dot(&((q1 - q0) - way));
+        }
+    }
+
+    fn total(&self) -> f64 {
+        self.kinetic + self.elastic + self.gravitational
+    }
+
+    /// Work − stored − dissipated.
+    pub fn residual(&self) -> f64 {
+        self.work - self.stored - self.damping_loss - self.friction_loss
+    }
+}

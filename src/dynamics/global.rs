@@ -1,0 +1,278 @@
+//! The global cycle: what comes up from the local side at a boundary, how the network catches up
+//! with the cycle just past, and the model that goes down.
+
+use std::sync::Arc;
+
+use super::integrators::{Constraint, GlobalIntegrator, Stepper, Unconstrained};
+use crate::Vec3;
+use crate::contact::operators::{Metric, Support};
+use crate::contact::surface::ContactPoint;
+use crate::contact::tick::{Contact, Grip};
+use crate::model::local::{LocalModel, LocalModelBuilder, LocalState};
+use crate::model::network::{Network, State};
+use crate::model::surface::Surface;
+
+/// How the network takes in what happened in the local model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SyncMode {
+    /// The exterior is integrated with the patch prescribed along its recorded path.
+    Replay,
+    /// The whole network is integrated with the contact point of the cycle's start held still,
+    /// then the patch is overwritten (the paper's words).
+    Overwrite,
+}
+
+/// The constant settings of the global side.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CycleSettings {
+    /// How it catches up.
+    pub sync: SyncMode,
+    /// How it integrates.
+    pub integrator: GlobalIntegrator,
+    /// Equal steps per cycle.
+    pub substeps: u32,
+    /// Ticks per cycle.
+    pub ticks: u32,
+    /// h, s.
+    pub tick: f64,
+    /// The inner product of P under [`SyncMode::Overwrite`].
+    pub metric: Metric,
+}
+
+/// Goes up at a boundary.
+#[derive(Debug, Clone)]
+pub struct CycleMessage {
+    /// Where the patch went.
+    pub trajectory: Trajectory,
+    /// The contact at the boundary.
+    pub contact: Option<Contact>,
+    /// The tip at the boundary, m.
+    pub tip: Vec3,
+}
+
+/// Goes down at a boundary, or some ticks later.
+#[derive(Debug, Clone)]
+pub struct ModelMessage {
+    /// The model of the next cycle.
+    pub model: LocalModel,
+    /// Its state, to be merged with that of the local side.
+    pub state: LocalState,
+}
+
+/// The path of the patch through one cycle: a segment for each model that was in use.
+#[derive(Debug, Clone)]
+pub struct Trajectory {
+    keep: Keep,
+    segments: Vec<Segment>,
+}
+
+/// How much of the path the global side needs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Keep {
+    /// Every tick.
+    Path,
+    /// The last tick: with nothing to replay, the path is not recorded.
+    End,
+}
+
+#[derive(Debug, Clone)]
+struct Segment {
+    nodes: Vec<u32>,
+    first_tick: usize,
+    /// The state at the start of the first tick, then at the end of each: m values a time.
+    x: Vec<Vec3>,
+    v: Vec<Vec3>,
+}
+
+impl Trajectory {
+    /// An empty path.
+    pub fn new(keep: Keep) -> Self {
+        Self { keep, segments: Vec::new() }
+    }
+
+    /// A model comes into use at the start of tick `tick` of the cycle, for at most `ticks` ticks.
+    pub fn begin(&mut self, model: &LocalModel, state: &LocalState, tick: usize, ticks: usize) {
+        let m = model.patch.len();
+        let samples = match self.keep {
+            Keep::Path => ticks + 1,
+            Keep::End => 1,
+        };
+        let start = |values: &[Vec3]| {
+            let mut all = Vec::with_capacity(samples * m);
+            all.extend_from_slice(&values[..m]);
+            all
+        };
+        let segment =
+            Segment { nodes: model.patch.nodes.clone(), first_tick: tick, x: start(&state.x), v: start(&state.v) };
+        self.segments.push(segment);
+    }
+
+    /// The state at the end of a tick. Allocates nothing.
+    pub fn record(&mut self, state: &LocalState) {
+        if let Some(segment) = self.segments.last_mut() {
+            let m = segment.nodes.len();
+            if self.keep == Keep::End {
+                segment.x.clear();
+                segment.v.clear();
+            }
+            segment.x.extend_from_slice(&state.x[..m]);
+            segment.v.extend_from_slice(&state.v[..m]);
+        }
+    }
+
+    /// Sets the nodes of the patch in use at `time`, in ticks from the start of the cycle, to where
+    /// they were: linear between ticks. A whole number of ticks belongs to the tick that it ends.
+    fn prescribe(&self, time: f64, state: &mut State) {
+        let tick = (time.ceil() as usize).max(1) - 1;
+        let Some(segment) = self.segments.iter().rev().find(|segment| segment.first_tick <= tick) else { return };
+        let m = segment.nodes.len();
+        let fraction = time - tick as f64;
+        let at = (tick - segment.first_tick) * m;
+        let between = |values: &[Vec3], i: usize| {
+            let (start, end) = (values[at + i], values[at + m + i]);
+            if fraction == 1.0 { end } else { start + (end - start) * fraction }
+        };
+        for (i, &node) in segment.nodes.iter().enumerate() {
+            state.x[node as usize] = between(&segment.x, i);
+            state.v[node as usize] = between(&segment.v, i);
+        }
+    }
+
+    /// Sets the nodes of the patch last in use to where they ended.
+    fn finish(&self, state: &mut State) {
+        let Some(segment) = self.segments.last() else { return };
+        let last = segment.x.len() - segment.nodes.len();
+        for (i, &node) in segment.nodes.iter().enumerate() {
+            state.x[node as usize] = segment.x[last + i];
+            state.v[node as usize] = segment.v[last + i];
+        }
+    }
+}
+
+/// The patch follows its recorded path.
+struct Replayed<'a> {
+    trajectory: &'a Trajectory,
+    substep: u32,
+    ticks: u32,
+    substeps: u32,
+}
+
+impl Constraint for Replayed<'_> {
+    // What accelerations do to patch nodes is overwritten.
+    fn accelerations(&self, _: &mut [Vec3]) {}
+
+    fn state(&self, ahead: f64, state: &mut State) {
+        // Product first: a substep that ends with a tick must come out as a whole number.
+        let time = (f64::from(self.substep) + ahead) * f64::from(self.ticks) / f64::from(self.substeps);
+        self.trajectory.prescribe(time, state);
+    }
+}
+
+/// The contact point stands still: P on accelerations and velocities.
+struct Held<'a>(&'a Support);
+
+impl Constraint for Held<'_> {
+    fn accelerations(&self, a: &mut [Vec3]) {
+        self.0.project_sticking(a);
+    }
+
+    fn state(&self, _: f64, state: &mut State) {
+        self.0.project_sticking(&mut state.v);
+    }
+}
+
+/// The global side: the network, its state, and the builder of local models.
+#[derive(Debug, Clone)]
+pub struct GlobalSimulation {
+    settings: CycleSettings,
+    network: Arc<Network>,
+    surface: Arc<Surface>,
+    builder: LocalModelBuilder,
+    state: State,
+    stepper: Stepper,
+    /// At the start of the cycle that runs now.
+    contact: Option<Contact>,
+}
+
+impl GlobalSimulation {
+    /// The network at rest.
+    pub fn new(
+        settings: CycleSettings,
+        network: Arc<Network>,
+        surface: Arc<Surface>,
+        builder: LocalModelBuilder,
+    ) -> Self {
+        let state = network.rest_state();
+        let stepper = Stepper::new(&network);
+        Self { settings, network, surface, builder, state, stepper, contact: None }
+    }
+
+    /// The network's state at the last boundary.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// The model of the network as it is, around the tip.
+    pub fn first_model(&mut self, tip: Vec3) -> ModelMessage {
+        self.model(tip)
+    }
+
+    /// Brings the network over the cycle just past, and builds the model of the next.
+    pub fn advance(&mut self, message: &CycleMessage) -> ModelMessage {
+        match self.settings.sync {
+            SyncMode::Replay => self.replay(&message.trajectory),
+            SyncMode::Overwrite => self.overwrite(&message.trajectory),
+        }
+        self.contact = message.contact;
+        self.model(message.tip)
+    }
+
+    fn model(&mut self, tip: Vec3) -> ModelMessage {
+        let point = self.contact.map(|contact| contact.point);
+        let around = point.map_or(tip, |point| self.position(&point));
+        let touched = point.map(|point| point.triangle);
+        let (model, state) = self.builder.build(&self.network, &self.state, around, touched);
+        ModelMessage { model, state }
+    }
+
+    fn position(&self, point: &ContactPoint) -> Vec3 {
+        point.position(self.surface.triangle_nodes(point.triangle).map(|node| self.state.x[node as usize]))
+    }
+
+    fn replay(&mut self, trajectory: &Trajectory) {
+        if trajectory.keep == Keep::Path {
+            let CycleSettings { ticks, substeps, .. } = self.settings;
+            self.integrate(|substep| Replayed { trajectory, substep, ticks, substeps });
+        }
+        trajectory.finish(&mut self.state);
+    }
+
+    fn overwrite(&mut self, trajectory: &Trajectory) {
+        // Under tension and on rigid ground the instrument exerts no force on the mesh.
+        let held = self.contact.filter(|contact| !matches!(contact.grip, Grip::Tension | Grip::Rigid));
+        let mut support = Support::with_capacity(3);
+        if let Some(Contact { point, .. }) = held {
+            let nodes = self.surface.triangle_nodes(point.triangle).into_iter().zip(point.weights);
+            let inverse_mass = &self.network.inverse_mass;
+            let free = nodes
+                .map(|(node, weight)| (node as usize, weight, inverse_mass[node as usize]))
+                .filter(|&(_, _, inverse_mass)| inverse_mass > 0.0);
+            support.set(self.settings.metric, free);
+        }
+        if support.scale() > 0.0 {
+            support.project_sticking(&mut self.state.v);
+            self.integrate(|_| Held(&support));
+        } else {
+            self.integrate(|_| Unconstrained);
+        }
+        trajectory.finish(&mut self.state);
+    }
+
+    fn integrate<C: Constraint>(&mut self, constraint: impl Fn(u32) -> C) {
+        let CycleSettings { integrator, substeps, ticks, tick, .. } = self.settings;
+        let h = f64::from(ticks) * tick / f64::from(substeps);
+        for substep in 0..substeps {
+            self.stepper.step(integrator, &self.network, &mut self.state, h, &constraint(substep));
+        }
+    }
+}

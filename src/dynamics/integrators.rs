@@ -1,0 +1,130 @@
+//! Steps of the whole network under a constraint that the caller imposes.
+
+use crate::Vec3;
+use crate::model::network::{Network, State, snap_to_rest};
+
+/// How the full model is integrated between boundaries.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum GlobalIntegrator {
+    /// (11): v ← v + h M⁻¹f, x ← x + h v. First order, symplectic without damping.
+    SemiImplicitEuler,
+    /// The classical fourth-order Runge–Kutta method.
+    Rk4,
+}
+
+/// Something imposed on the network while it is integrated.
+pub trait Constraint {
+    /// Makes accelerations respect it.
+    fn accelerations(&self, a: &mut [Vec3]);
+    /// Makes a state respect it, at a fraction `ahead` of the step that is being done.
+    fn state(&self, ahead: f64, state: &mut State);
+}
+
+/// The free network.
+#[derive(Debug, Clone, Copy)]
+pub struct Unconstrained;
+
+impl Constraint for Unconstrained {
+    fn accelerations(&self, _: &mut [Vec3]) {}
+    fn state(&self, _: f64, _: &mut State) {}
+}
+
+/// Integrates one network; holds the arrays that stages need.
+///
+/// ```
+/// use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper, Unconstrained};
+/// use stickslip::{Vec3, model::network::Network, model::springs::Spring};
+///
+/// // A mass on a spring, stretched by 1: x(t) = 2 + cos t.
+/// let spring = Spring { nodes: [0, 1], stiffness: 1.0, damping: 0.0, rest_length: 2.0 };
+/// let network = Network::from_parts(vec![Vec3::zeros(), Vec3::x() * 2.0], vec![1.0; 2], vec![true, false], &[spring], vec![]);
+/// let mut state = network.rest_state();
+/// state.x[1].x = 3.0;
+/// let mut stepper = Stepper::new(&network);
+/// for _ in 0..1000 {
+///     stepper.step(GlobalIntegrator::Rk4, &network, &mut state, 1e-3, &Unconstrained);
+/// }
+/// assert!((state.x[1].x - (2.0 + 1.0_f64.cos())).abs() < 1e-12);
+/// ```
+#[derive(Debug, Clone)]
+pub struct Stepper {
+    f: Vec<Vec3>,
+    stage: State,
+    sum: State,
+}
+
+impl Stepper {
+    /// For networks of this size.
+    pub fn new(network: &Network) -> Self {
+        let zeros = vec![Vec3::zeros(); network.node_count()];
+        let state = State { x: zeros.clone(), v: zeros.clone() };
+        Self { f: zeros, stage: state.clone(), sum: state }
+    }
+
+    /// One step of length h. Fixed nodes do not move.
+    pub fn step(
+        &mut self,
+        integrator: GlobalIntegrator,
+        network: &Network,
+        state: &mut State,
+        h: f64,
+        constraint: &impl Constraint,
+    ) {
+        match integrator {
+            GlobalIntegrator::SemiImplicitEuler => self.semi_implicit_euler(network, state, h, constraint),
+            GlobalIntegrator::Rk4 => self.rk4(network, state, h, constraint),
+        }
+        snap_to_rest(&mut state.v);
+    }
+
+    /// Forces at the start, then positions by the new velocities.
+    fn semi_implicit_euler(
+        &mut self,
+        network: &Network,
+        state: &mut State,
+        h: f64,
+        constraint: &impl Constraint,
+    ) {
+        network.forces(&state.x, &state.v, &mut self.f);
+        accelerate(network, &mut self.f);
+        constraint.accelerations(&mut self.f);
+        add_scaled(&mut state.v, &self.f, h);
+        add_scaled(&mut state.x, &state.v, h);
+        constraint.state(1.0, state);
+    }
+
+    fn rk4(&mut self, network: &Network, state: &mut State, h: f64, constraint: &impl Constraint) {
+        // (how far the stage looks ahead, its weight)
+        const STAGES: [(f64, f64); 4] = [(0.0, 1.0 / 6.0), (0.5, 1.0 / 3.0), (0.5, 1.0 / 3.0), (1.0, 1.0 / 6.0)];
+        self.sum.clone_from(state);
+        self.stage.clone_from(state);
+        for (i, (ahead, weight)) in STAGES.into_iter().enumerate() {
+            if i > 0 {
+                // self.stage.v and self.f still hold the slope of the stage before.
+                for ((x, v), start) in self.stage.x.iter_mut().zip(&self.stage.v).zip(&state.x) {
+                    *x = start + v * (ahead * h);
+                }
+                for ((v, a), start) in self.stage.v.iter_mut().zip(&self.f).zip(&state.v) {
+                    *v = start + a * (ahead * h);
+                }
+                constraint.state(ahead, &mut self.stage);
+            }
+            network.forces(&self.stage.x, &self.stage.v, &mut self.f);
+            accelerate(network, &mut self.f);
+            constraint.accelerations(&mut self.f);
+            add_scaled(&mut self.sum.x, &self.stage.v, weight * h);
+            add_scaled(&mut self.sum.v, &self.f, weight * h);
+        }
+        std::mem::swap(state, &mut self.sum);
+        constraint.state(1.0, state);
+    }
+}
+
+/// a = M⁻¹f.
+fn accelerate(network: &Network, f: &mut [Vec3]) {
+    f.iter_mut().zip(&network.inverse_mass).for_each(|(f, w)| *f *= *w);
+}
+
+fn add_scaled(to: &mut [Vec3], from: &[Vec3], scale: f64) {
+    to.iter_mut().zip(from).for_each(|(to, from)| *to += from * scale);
+}

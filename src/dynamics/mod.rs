@@ -1,0 +1,6 @@
+//! Time: integrators of the full model, the global cycle, limits of explicit steps, energy.
+
+pub mod energy;
+pub mod global;
+pub mod integrators;
+pub mod stability;

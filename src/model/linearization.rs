@@ -1,0 +1,170 @@
+//! Tangent forces of a patch (3)–(4): f = f₀ + K(x − x₀) + D(v − v₀), and under a drifting
+//! exterior + (t − t_k) K_LE v_E₀.
+
+use super::network::ExternalForce;
+use super::patch::Patch;
+use super::springs::TangentKind;
+use crate::{Mat3, Vec3};
+
+/// Rows that one pass of the matrix–vector product keeps in registers.
+const PANEL: usize = 16;
+
+/// Linear forces over a patch of m nodes.
+///
+/// \[K D\] is stored in panels of [`PANEL`] rows, each column by column, so that the product
+/// streams through memory once and the compiler can vectorise over rows. Without dampers and drag
+/// there is no D.
+#[derive(Debug, Clone)]
+pub struct LinearForces {
+    /// 3m.
+    dof: usize,
+    /// 3m, or 6m with D.
+    columns: usize,
+    panels: Vec<f64>,
+    /// Padded to whole panels.
+    f0: Vec<f64>,
+    x0: Vec<Vec3>,
+    v0: Vec<Vec3>,
+    /// K_LE v_E₀, N/s, under a drifting exterior.
+    drift: Option<Vec<Vec3>>,
+}
+
+impl LinearForces {
+    /// Linearises the forces on a patch at (x, v), which hold the patch's slots and then its
+    /// boundary's. `exterior_velocity`, one per boundary node, is given under a drifting exterior.
+    pub fn new(
+        patch: &Patch,
+        external: &[ExternalForce],
+        x: &[Vec3],
+        v: &[Vec3],
+        exterior_velocity: Option<&[Vec3]>,
+        kind: TangentKind,
+    ) -> Self {
+        let m = patch.len();
+        let drag: f64 = external
+            .iter()
+            .map(|force| match force {
+                ExternalForce::Drag(b) => *b,
+                ExternalForce::Gravity(_) => 0.0,
+            })
+            .sum();
+        let dof = 3 * m;
+        let columns = if patch.springs.is_damped() || drag != 0.0 { 2 * dof } else { dof };
+        let mut forces = Self {
+            dof,
+            columns,
+            panels: vec![0.0; dof.div_ceil(PANEL) * PANEL * columns],
+            f0: vec![0.0; dof.div_ceil(PANEL) * PANEL],
+            x0: x[..m].to_vec(),
+            v0: v[..m].to_vec(),
+            drift: exterior_velocity.map(|_| vec![Vec3::zeros(); m]),
+        };
+
+        let mut f = vec![Vec3::zeros(); x.len()];
+        patch.springs.add_forces(x, v, &mut f);
+        f.truncate(m);
+        for force in external {
+            force.add(&patch.mass, v, &mut f);
+        }
+        forces.f0[..dof].copy_from_slice(bytemuck::cast_slice(&f));
+
+        for spring in patch.springs.iter() {
+            // The lower slot of a patch spring is always in the patch; the upper may be boundary.
+            let [i, j] = spring.nodes.map(|slot| slot as usize);
+            let (along_x, along_v) = spring.jacobian(x[j] - x[i], v[j] - v[i], kind);
+            forces.add_block(i, i, &-along_x, &-along_v);
+            if j < m {
+                forces.add_block(i, j, &along_x, &along_v);
+                forces.add_block(j, i, &along_x, &along_v);
+                forces.add_block(j, j, &-along_x, &-along_v);
+            } else if let (Some(drift), Some(velocity)) = (&mut forces.drift, exterior_velocity) {
+                drift[i] += along_x * velocity[j - m];
+            }
+        }
+        if drag != 0.0 {
+            for i in 0..m {
+                forces.add_block(i, i, &Mat3::zeros(), &(Mat3::identity() * -drag));
+            }
+        }
+        forces
+    }
+
+    fn add_block(&mut self, row: usize, column: usize, k: &Mat3, d: &Mat3) {
+        for a in 0..3 {
+            for b in 0..3 {
+                let at = self.position(3 * row + a, 3 * column + b);
+                self.panels[at] += k[(a, b)];
+                if self.columns > self.dof {
+                    let at = self.position(3 * row + a, self.dof + 3 * column + b);
+                    self.panels[at] += d[(a, b)];
+                }
+            }
+        }
+    }
+
+    fn position(&self, row: usize, column: usize) -> usize {
+        (row / PANEL * self.columns + column) * PANEL + row % PANEL
+    }
+
+    /// Entry of \[K D\], N/m or N·s/m.
+    pub fn entry(&self, row: usize, column: usize) -> f64 {
+        if column < self.columns { self.panels[self.position(row, column)] } else { 0.0 }
+    }
+
+    /// How long the argument of [`evaluate`](Self::evaluate)'s `offset` is: 3m, or 6m with D.
+    pub fn offset_len(&self) -> usize {
+        self.columns
+    }
+
+    /// The forces at (x, v), `elapsed` seconds after the state the model was built from.
+    /// `offset` is scratch of [`offset_len`](Self::offset_len).
+    pub fn evaluate(&self, elapsed: f64, x: &[Vec3], v: &[Vec3], offset: &mut [f64], f: &mut [Vec3]) {
+        let m = self.dof / 3;
+        let (dx, dv) = offset.split_at_mut(self.dof);
+        subtract(&x[..m], &self.x0, dx);
+        if !dv.is_empty() {
+            subtract(&v[..m], &self.v0, dv);
+        }
+        self.multiply_add(offset, bytemuck::cast_slice_mut(&mut f[..m]));
+        if let Some(drift) = &self.drift {
+            f.iter_mut().zip(drift).for_each(|(f, drift)| *f += drift * elapsed);
+        }
+    }
+
+    /// f = f₀ + \[K D\] z.
+    fn multiply_add(&self, z: &[f64], f: &mut [f64]) {
+        if self.dof == 0 {
+            return;
+        }
+        let panels = self.panels.chunks_exact(PANEL * self.columns);
+        for ((panel, f0), f) in panels.zip(self.f0.chunks_exact(PANEL)).zip(f.chunks_mut(PANEL)) {
+            let mut sum = [0.0; PANEL];
+            sum.copy_from_slice(f0);
+            for (column, &z) in panel.chunks_exact(PANEL).zip(z) {
+                for (sum, entry) in sum.iter_mut().zip(column) {
+                    *sum += entry * z;
+                }
+            }
+            f.copy_from_slice(&sum[..f.len()]);
+        }
+    }
+
+    /// Adds what moving one node by `delta` changes: f += K_(·,slot) δ.
+    pub fn add_displacement(&self, slot: usize, delta: Vec3, f: &mut [Vec3]) {
+        let panels = self.panels.chunks_exact(PANEL * self.columns);
+        let f: &mut [f64] = bytemuck::cast_slice_mut(&mut f[..self.dof / 3]);
+        for (panel, f) in panels.zip(f.chunks_mut(PANEL)) {
+            let columns = &panel[3 * slot * PANEL..(3 * slot + 3) * PANEL];
+            for (row, f) in f.iter_mut().enumerate() {
+                *f += columns[row] * delta.x + columns[PANEL + row] * delta.y + columns[2 * PANEL + row] * delta.z;
+            }
+        }
+    }
+}
+
+fn subtract(a: &[Vec3], b: &[Vec3], difference: &mut [f64]) {
+    let (a, b): (&[f64], &[f64]) = (bytemuck::cast_slice(a), bytemuck::cast_slice(b));
+    for ((difference, a), b) in difference.iter_mut().zip(a).zip(b) {
+        *difference = a - b;
+    }
+}

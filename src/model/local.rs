@@ -1,0 +1,299 @@
+//! The local model: what the global side hands down once a cycle, and the state the haptic loop
+//! carries from tick to tick.
+
+use std::sync::Arc;
+
+use super::linearization::LinearForces;
+use super::network::{ExternalForce, Network, State};
+use super::patch::{Extent, OUTSIDE, Patch, PatchSelector};
+use super::springs::TangentKind;
+use super::surface::Surface;
+use crate::Vec3;
+use crate::contact::tree::{Boxes, TriangleTree};
+
+/// Which approximation of the network the haptic loop runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LocalSettings {
+    /// How far the patch reaches.
+    pub extent: Extent,
+    /// Linear or spring forces.
+    pub linearization: Linearization,
+    /// What the rest of the network does meanwhile.
+    pub exterior: ExteriorKind,
+}
+
+impl LocalSettings {
+    /// `model = "full"`: the whole nonlinear network at the local rate, the reference.
+    pub const FULL: Self =
+        Self { extent: Extent::All, linearization: Linearization::None, exterior: ExteriorKind::Fixed };
+}
+
+/// How the forces on the patch are computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Linearization {
+    /// f₀ + K(x − x₀) + D(v − v₀), (3)–(4).
+    Tangent(TangentKind),
+    /// The springs of the patch stay nonlinear.
+    None,
+}
+
+/// What the nodes outside the patch do until the next hand-over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ExteriorKind {
+    /// They stay at x₀ with velocity zero (the paper).
+    Fixed,
+    /// They move on from x₀ at their velocity v_E₀.
+    Drifting,
+}
+
+/// The exterior as a local model holds it.
+#[derive(Debug, Clone)]
+pub struct Exterior {
+    /// Position of each boundary node of the patch when the model was built, m.
+    boundary: Vec<Vec3>,
+    /// Position of every surface vertex when the model was built, m; those of the patch are unused.
+    vertices: Vec<Vec3>,
+    motion: Motion,
+}
+
+#[derive(Debug, Clone)]
+enum Motion {
+    Still,
+    /// Velocities of the same nodes, m/s, and the largest speed among the vertices.
+    Drifting {
+        boundary: Vec<Vec3>,
+        vertices: Vec<Vec3>,
+        fastest: f64,
+    },
+}
+
+/// The constant model of one cycle. Times are seconds since the state it was built from.
+#[derive(Debug, Clone)]
+pub struct LocalModel {
+    /// Nodes and springs.
+    pub patch: Patch,
+    /// The surface, whole.
+    pub surface: Arc<Surface>,
+    /// Triangles without a vertex in the patch, boxed for searching; drifting ones at time zero.
+    pub boxes: Boxes,
+    exterior: Exterior,
+    forces: LocalForces,
+    external: Vec<ExternalForce>,
+}
+
+#[derive(Debug, Clone)]
+enum LocalForces {
+    Tangent(LinearForces),
+    Springs,
+}
+
+/// What moves: one entry per patch slot, then one per boundary slot.
+#[derive(Debug, Clone)]
+pub struct LocalState {
+    /// Positions, m.
+    pub x: Vec<Vec3>,
+    /// Velocities, m/s.
+    pub v: Vec<Vec3>,
+    /// Forces at the last evaluation, N.
+    pub f: Vec<Vec3>,
+    /// Predicted positions (11), m.
+    pub x_predicted: Vec<Vec3>,
+    /// Predicted velocities (11), m/s.
+    pub v_predicted: Vec<Vec3>,
+    /// Scratch of the linear forces.
+    offset: Vec<f64>,
+}
+
+/// Builds local models of one network.
+#[derive(Debug, Clone)]
+pub struct LocalModelBuilder {
+    settings: LocalSettings,
+    surface: Arc<Surface>,
+    tree: Arc<TriangleTree>,
+    selector: PatchSelector,
+}
+
+impl LocalModelBuilder {
+    /// Prepares what is the same in every cycle.
+    pub fn new(network: &Network, surface: Arc<Surface>, settings: LocalSettings) -> Self {
+        let tree = Arc::new(TriangleTree::new(&surface, &network.rest));
+        let selector = PatchSelector::new(network, &surface);
+        Self { settings, surface, tree, selector }
+    }
+
+    /// The model of the network at `state` around `point` (the contact point, or the tip where
+    /// there is no contact), and that model's own state.
+    pub fn build(
+        &mut self,
+        network: &Network,
+        state: &State,
+        point: Vec3,
+        touched: Option<u32>,
+    ) -> (LocalModel, LocalState) {
+        let patch = self.selector.select(network, &self.surface, &state.x, point, touched, self.settings.extent);
+        let surface = &self.surface;
+        let of = |values: &[Vec3], nodes: &[u32]| nodes.iter().map(|&node| values[node as usize]).collect::<Vec<_>>();
+        let motion = match self.settings.exterior {
+            ExteriorKind::Fixed => Motion::Still,
+            ExteriorKind::Drifting => {
+                let vertices = of(&state.v, &surface.vertex_node);
+                let fastest = vertices.iter().map(Vec3::norm).fold(0.0, f64::max);
+                Motion::Drifting { boundary: of(&state.v, &patch.boundary), vertices, fastest }
+            }
+        };
+        let exterior = Exterior {
+            boundary: of(&state.x, &patch.boundary),
+            vertices: of(&state.x, &surface.vertex_node),
+            motion,
+        };
+
+        let mut x = of(&state.x, &patch.nodes);
+        x.extend_from_slice(&exterior.boundary);
+        let mut v = of(&state.v, &patch.nodes);
+        match &exterior.motion {
+            Motion::Still => v.resize(x.len(), Vec3::zeros()),
+            Motion::Drifting { boundary, .. } => v.extend_from_slice(boundary),
+        }
+        let forces = match self.settings.linearization {
+            Linearization::None => LocalForces::Springs,
+            Linearization::Tangent(kind) => {
+                let drift = match &exterior.motion {
+                    Motion::Still => None,
+                    Motion::Drifting { boundary, .. } => Some(boundary.as_slice()),
+                };
+                LocalForces::Tangent(LinearForces::new(&patch, &network.external, &x, &v, drift, kind))
+            }
+        };
+        let offset = match &forces {
+            LocalForces::Tangent(linear) => vec![0.0; linear.offset_len()],
+            LocalForces::Springs => Vec::new(),
+        };
+        let boxes = Boxes::new(self.tree.clone(), surface, &exterior.vertices, &patch.vertex_slot);
+        let state = LocalState {
+            f: vec![Vec3::zeros(); x.len()],
+            x_predicted: x.clone(),
+            v_predicted: v.clone(),
+            x,
+            v,
+            offset,
+        };
+        let model = LocalModel {
+            patch,
+            surface: self.surface.clone(),
+            boxes,
+            exterior,
+            forces,
+            external: network.external.clone(),
+        };
+        (model, state)
+    }
+}
+
+impl LocalModel {
+    /// f(x, v) into `state.f`, at `elapsed` seconds.
+    pub fn evaluate_forces(&self, elapsed: f64, state: &mut LocalState) {
+        let LocalState { x, v, f, offset, .. } = state;
+        match &self.forces {
+            LocalForces::Tangent(linear) => linear.evaluate(elapsed, x, v, offset, f),
+            LocalForces::Springs => {
+                self.place_boundary(elapsed, x);
+                f.fill(Vec3::zeros());
+                self.patch.springs.add_forces(x, v, f);
+                for force in &self.external {
+                    force.add(&self.patch.mass, v, f);
+                }
+            }
+        }
+    }
+
+    /// Brings `state.f` up to date after the nodes in `moved` were displaced by the given amounts.
+    pub fn update_forces(
+        &self,
+        elapsed: f64,
+        state: &mut LocalState,
+        moved: impl Iterator<Item = (usize, Vec3)>,
+    ) {
+        match &self.forces {
+            LocalForces::Tangent(linear) => {
+                moved.for_each(|(slot, delta)| linear.add_displacement(slot, delta, &mut state.f));
+            }
+            LocalForces::Springs => self.evaluate_forces(elapsed, state),
+        }
+    }
+
+    /// Moves the boundary entries of `x` to where the exterior is at `elapsed` seconds.
+    pub fn place_boundary(&self, elapsed: f64, x: &mut [Vec3]) {
+        if let Motion::Drifting { boundary, .. } = &self.exterior.motion {
+            let positions = self.exterior.boundary.iter().zip(boundary);
+            for (x, (start, velocity)) in x[self.patch.len()..].iter_mut().zip(positions) {
+                *x = start + velocity * elapsed;
+            }
+        }
+    }
+
+    /// Where a surface vertex is, given the patch's positions at `elapsed` seconds.
+    #[inline]
+    pub fn vertex(&self, vertex: u32, x: &[Vec3], elapsed: f64) -> Vec3 {
+        let slot = self.patch.vertex_slot[vertex as usize];
+        if slot != OUTSIDE {
+            return x[slot as usize];
+        }
+        let start = self.exterior.vertices[vertex as usize];
+        match &self.exterior.motion {
+            Motion::Still => start,
+            Motion::Drifting { vertices, .. } => start + vertices[vertex as usize] * elapsed,
+        }
+    }
+
+    /// How far, m, an exterior vertex may be from its box after `elapsed` seconds.
+    pub fn exterior_reach(&self, elapsed: f64) -> f64 {
+        match &self.exterior.motion {
+            Motion::Still => 0.0,
+            Motion::Drifting { fastest, .. } => fastest * elapsed,
+        }
+    }
+
+    /// ½ Σ k(ℓ − L)² over the springs of the patch, J.
+    pub fn elastic_energy(&self, x: &[Vec3]) -> f64 {
+        self.patch.springs.elastic_energy(x)
+    }
+
+    /// Energy of the patch's nodes in the gravity field, zero at z = 0 of a downward g, J.
+    pub fn gravitational_energy(&self, x: &[Vec3]) -> f64 {
+        let each = |force: &ExternalForce| match force {
+            ExternalForce::Gravity(g) => -self.patch.mass.iter().zip(x).map(|(m, x)| m * g.dot(x)).sum::<f64>(),
+            ExternalForce::Drag(_) => 0.0,
+        };
+        self.external.iter().map(each).sum()
+    }
+
+    /// ½ Σ m v², J.
+    pub fn kinetic_energy(&self, v: &[Vec3]) -> f64 {
+        self.patch.mass.iter().zip(v).map(|(m, v)| 0.5 * m * v.norm_squared()).sum()
+    }
+
+    /// Power taken out by dampers and drag, W.
+    pub fn dissipated_power(&self, x: &[Vec3], v: &[Vec3]) -> f64 {
+        let drag = |force: &ExternalForce| match force {
+            ExternalForce::Gravity(_) => 0.0,
+            ExternalForce::Drag(b) => b * v[..self.patch.len()].iter().map(Vec3::norm_squared).sum::<f64>(),
+        };
+        self.patch.springs.damper_power(x, v) + self.external.iter().map(drag).sum::<f64>()
+    }
+}
+
+impl LocalState {
+    /// Takes over positions and velocities of the nodes that the state before had as well.
+    pub fn carry_over(&mut self, patch: &Patch, before: &LocalState, patch_before: &Patch) {
+        let mut old = 0;
+        for (slot, &node) in patch.nodes.iter().enumerate() {
+            while old < patch_before.len() && patch_before.nodes[old] < node {
+                old += 1;
+            }
+            if old < patch_before.len() && patch_before.nodes[old] == node {
+                self.x[slot] = before.x[old];
+                self.v[slot] = before.v[old];
+            }
+        }
+    }
+}

@@ -1,0 +1,216 @@
+//! Meshes: node positions, edges that become springs, and the triangles of the surface.
+
+use crate::Vec3;
+
+/// Geometry only; masses and springs come with the [network](super::network::Network).
+#[derive(Debug, Clone)]
+pub struct Mesh {
+    /// Rest position of every node, m.
+    pub nodes: Vec<Vec3>,
+    /// Pairs of nodes that a spring joins, each once.
+    pub edges: Vec<[u32; 2]>,
+    /// Surface triangles, anticlockwise seen from outside.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// Which neighbours of a block's lattice are joined by springs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stencil {
+    /// Lattice edges.
+    Structural,
+    /// And both diagonals of every lattice face.
+    Shear,
+    /// And the four diagonals of every lattice cell.
+    Full,
+}
+
+impl Stencil {
+    /// Lattice steps to the later of the two nodes that an edge joins, one for each direction.
+    fn offsets(self) -> &'static [[i64; 3]] {
+        const ALL: [[i64; 3]; 13] = [
+            [1, 0, 0],
+            [0, 1, 0],
+            [0, 0, 1],
+            [1, 1, 0],
+            [-1, 1, 0],
+            [1, 0, 1],
+            [-1, 0, 1],
+            [0, 1, 1],
+            [0, -1, 1],
+            [1, 1, 1],
+            [-1, 1, 1],
+            [1, -1, 1],
+            [-1, -1, 1],
+        ];
+        match self {
+            Stencil::Structural => &ALL[..3],
+            Stencil::Shear => &ALL[..9],
+            Stencil::Full => &ALL,
+        }
+    }
+}
+
+/// A rectangular block of lattice nodes, centred in x and y, its top layer at z = 0.
+///
+/// Node (ix, iy, iz) has the index (iz·ny + iy)·nx + ix, and z grows with iz.
+///
+/// ```
+/// use stickslip::model::mesh::{Block, Stencil};
+/// let mesh = Block { nodes: [9, 9, 4], spacing: 0.0125, stencil: Stencil::Shear }.mesh();
+/// assert_eq!(mesh.nodes.len(), 324);
+/// assert_eq!(mesh.triangles.len(), 448);
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Block {
+    /// Nodes along x, y, z; at least two each.
+    pub nodes: [usize; 3],
+    /// Distance between lattice neighbours, m.
+    pub spacing: f64,
+    /// Which neighbours are joined.
+    pub stencil: Stencil,
+}
+
+impl Block {
+    /// Number of nodes, or `None` where it does not fit the address space.
+    pub fn node_count(&self) -> Option<usize> {
+        let [nx, ny, nz] = self.nodes;
+        nx.checked_mul(ny)?.checked_mul(nz)
+    }
+
+    /// Number of springs for each lattice direction summed, without building anything.
+    ///
+    /// ```
+    /// use stickslip::model::mesh::{Block, Stencil};
+    /// let block = Block { nodes: [16, 16, 16], spacing: 0.01, stencil: Stencil::Full };
+    /// assert_eq!(block.edge_count(), 46_620);
+    /// assert_eq!(block.edge_count(), block.mesh().edges.len());
+    /// ```
+    pub fn edge_count(&self) -> usize {
+        self.stencil
+            .offsets()
+            .iter()
+            .map(|offset| {
+                (0..3)
+                    .map(|axis| self.nodes[axis].saturating_sub(offset[axis].unsigned_abs() as usize))
+                    .fold(1, usize::saturating_mul)
+            })
+            .fold(0, usize::saturating_add)
+    }
+
+    /// Whether the node lies on the bottom layer.
+    pub fn is_bottom(&self, node: usize) -> bool {
+        node < self.nodes[0] * self.nodes[1]
+    }
+
+    /// On how many of the three directions' boundaries each node lies: 0 inside, 1 on a face,
+    /// 2 on an edge, 3 at a corner.
+    pub fn boundary_directions(&self, node: usize) -> u32 {
+        self.lattice(node)
+            .iter()
+            .zip(self.nodes)
+            .map(|(&i, count)| u32::from(i == 0 || i == count - 1))
+            .sum()
+    }
+
+    /// Builds the mesh.
+    pub fn mesh(&self) -> Mesh {
+        let [nx, ny, nz] = self.nodes;
+        let count = nx * ny * nz;
+        let half = |count: usize| (count - 1) as f64 / 2.0;
+        let nodes = (0..count)
+            .map(|node| {
+                let [ix, iy, iz] = self.lattice(node);
+                Vec3::new(
+                    (ix as f64 - half(nx)) * self.spacing,
+                    (iy as f64 - half(ny)) * self.spacing,
+                    (iz as f64 - (nz - 1) as f64) * self.spacing,
+                )
+            })
+            .collect();
+        let mut edges = Vec::with_capacity(self.edge_count());
+        for node in 0..count {
+            for &offset in self.stencil.offsets() {
+                if let Some(other) = self.neighbour(node, offset) {
+                    edges.push([node as u32, other as u32]);
+                }
+            }
+        }
+        Mesh { nodes, edges, triangles: self.surface_triangles() }
+    }
+
+    fn lattice(&self, node: usize) -> [usize; 3] {
+        let [nx, ny, _] = self.nodes;
+        [node % nx, node / nx % ny, node / (nx * ny)]
+    }
+
+    fn index(&self, [ix, iy, iz]: [usize; 3]) -> usize {
+        (iz * self.nodes[1] + iy) * self.nodes[0] + ix
+    }
+
+    fn neighbour(&self, node: usize, offset: [i64; 3]) -> Option<usize> {
+        let mut at = self.lattice(node);
+        for axis in 0..3 {
+            at[axis] = at[axis].checked_add_signed(offset[axis] as isize)?;
+            if at[axis] >= self.nodes[axis] {
+                return None;
+            }
+        }
+        Some(self.index(at))
+    }
+
+    /// Two triangles for every lattice square of the six sides, top first. Every square is cut
+    /// along the same diagonal, so that inside a side every vertex has six neighbours.
+    fn surface_triangles(&self) -> Vec<[u32; 3]> {
+        // The side with `normal` fixed at its last (or first) layer; u × v points outwards.
+        const SIDES: [(usize, bool, usize, usize); 6] =
+            [(2, true, 0, 1), (2, false, 1, 0), (0, true, 1, 2), (0, false, 2, 1), (1, true, 2, 0), (1, false, 0, 2)];
+        let mut triangles = Vec::new();
+        for (normal, last, u, v) in SIDES {
+            let layer = if last { self.nodes[normal] - 1 } else { 0 };
+            for iv in 0..self.nodes[v] - 1 {
+                for iu in 0..self.nodes[u] - 1 {
+                    let corner = |du: usize, dv: usize| {
+                        let mut at = [0; 3];
+                        at[normal] = layer;
+                        at[u] = iu + du;
+                        at[v] = iv + dv;
+                        self.index(at) as u32
+                    };
+                    triangles.push([corner(0, 0), corner(1, 0), corner(1, 1)]);
+                    triangles.push([corner(0, 0), corner(1, 1), corner(0, 1)]);
+                }
+            }
+        }
+        triangles
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn block_is_centred_with_its_top_at_zero() {
+        let block = Block { nodes: [3, 5, 2], spacing: 0.5, stencil: Stencil::Structural };
+        let mesh = block.mesh();
+        assert_eq!(mesh.nodes[0], Vec3::new(-0.5, -1.0, -0.5));
+        assert_eq!(mesh.nodes[29], Vec3::new(0.5, 1.0, 0.0));
+        assert!(block.is_bottom(14) && !block.is_bottom(15));
+        assert_eq!(block.boundary_directions(0), 3);
+        assert_eq!(block.boundary_directions(7), 1);
+    }
+
+    #[test]
+    fn every_edge_has_the_length_of_its_stencil_and_appears_once() {
+        for (stencil, longest) in [(Stencil::Structural, 1.0), (Stencil::Shear, 2.0_f64.sqrt()), (Stencil::Full, 3.0_f64.sqrt())] {
+            let mesh = Block { nodes: [4, 3, 5], spacing: 1.0, stencil }.mesh();
+            let lengths: Vec<f64> =
+                mesh.edges.iter().map(|&[i, j]| (mesh.nodes[j as usize] - mesh.nodes[i as usize]).norm()).collect();
+            let max = lengths.iter().copied().fold(0.0, f64::max);
+            assert!((max - longest).abs() < 1e-12, "{stencil:?}: longest edge {max}");
+            let unique: std::collections::HashSet<_> =
+                mesh.edges.iter().map(|&[i, j]| (i.min(j), i.max(j))).collect();
+            assert_eq!(unique.len(), mesh.edges.len());
+        }
+    }
+}

@@ -1,0 +1,10 @@
+//! The deformable object: from a mesh to the network that moves, and to the local model of it
+//! that the haptic loop runs.
+
+pub mod linearization;
+pub mod local;
+pub mod mesh;
+pub mod network;
+pub mod patch;
+pub mod springs;
+pub mod surface;

@@ -1,0 +1,172 @@
+//! The full model (1)–(2): lumped masses, damped springs, gravity and drag.
+
+use super::mesh::Mesh;
+use super::springs::{Spring, Springs};
+use crate::Vec3;
+
+/// Speeds below this, m/s, are rest. A decaying network otherwise passes through the subnormal
+/// numbers, where arithmetic is a hundred times slower; at this speed a node needs 1e12 s to move
+/// by the last bit of a position of 1 mm.
+pub const REST_SPEED: f64 = 1e-30;
+
+/// A force on single nodes, kept only where the scene has it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ExternalForce {
+    /// m g, with g in m/s².
+    Gravity(Vec3),
+    /// −b v, with b in N·s/m.
+    Drag(f64),
+}
+
+impl ExternalForce {
+    /// Adds the force on every node.
+    pub fn add(&self, mass: &[f64], v: &[Vec3], f: &mut [Vec3]) {
+        match self {
+            ExternalForce::Gravity(g) => f.iter_mut().zip(mass).for_each(|(f, m)| *f += g * *m),
+            ExternalForce::Drag(b) => f.iter_mut().zip(v).for_each(|(f, v)| *f -= v * *b),
+        }
+    }
+}
+
+/// What every node and spring of a network is made of.
+#[derive(Debug, Clone)]
+pub struct Material {
+    /// Mass of each node, kg.
+    pub node_mass: Vec<f64>,
+    /// k of every spring, N/m.
+    pub stiffness: f64,
+    /// c of every spring, N·s/m.
+    pub damping: f64,
+    /// b of every node, N·s/m.
+    pub drag: f64,
+    /// g, m/s².
+    pub gravity: Vec3,
+}
+
+/// Positions and velocities of every node.
+#[derive(Debug, Clone, PartialEq)]
+pub struct State {
+    /// m.
+    pub x: Vec<Vec3>,
+    /// m/s.
+    pub v: Vec<Vec3>,
+}
+
+/// The constant part of the full model.
+#[derive(Debug, Clone)]
+pub struct Network {
+    /// Rest positions, m.
+    pub rest: Vec<Vec3>,
+    /// Node masses, kg.
+    pub mass: Vec<f64>,
+    /// 1/m, and 0 for a fixed node: M⁻¹ of (2).
+    pub inverse_mass: Vec<f64>,
+    /// Which nodes never move.
+    pub fixed: Vec<bool>,
+    /// All springs.
+    pub springs: Springs,
+    /// Gravity and drag, where there is any.
+    pub external: Vec<ExternalForce>,
+    link_start: Vec<u32>,
+    links: Vec<Link>,
+}
+
+/// A spring as seen from one of its ends.
+#[derive(Debug, Clone, Copy)]
+pub struct Link {
+    /// Node at the other end.
+    pub other: u32,
+    /// The spring, oriented from its lower node.
+    pub spring: Spring,
+}
+
+impl Network {
+    /// Joins the nodes of a mesh by springs whose rest length is the mesh's edge length.
+    pub fn new(mesh: &Mesh, material: &Material, fixed: Vec<bool>) -> Self {
+        let springs: Vec<Spring> = mesh
+            .edges
+            .iter()
+            .map(|&nodes| Spring {
+                nodes,
+                stiffness: material.stiffness,
+                damping: material.damping,
+                rest_length: (mesh.nodes[nodes[1] as usize] - mesh.nodes[nodes[0] as usize]).norm(),
+            })
+            .collect();
+        let mut external = Vec::new();
+        if material.gravity != Vec3::zeros() {
+            external.push(ExternalForce::Gravity(material.gravity));
+        }
+        if material.drag != 0.0 {
+            external.push(ExternalForce::Drag(material.drag));
+        }
+        Self::from_parts(mesh.nodes.clone(), material.node_mass.clone(), fixed, &springs, external)
+    }
+
+    /// A network of any springs, for instance one whose springs differ.
+    pub fn from_parts(
+        rest: Vec<Vec3>,
+        mass: Vec<f64>,
+        fixed: Vec<bool>,
+        springs: &[Spring],
+        external: Vec<ExternalForce>,
+    ) -> Self {
+        let springs = Springs::new(rest.len(), springs);
+        let mut link_start = vec![0_u32; rest.len() + 1];
+        for spring in springs.iter() {
+            for node in spring.nodes {
+                link_start[node as usize + 1] += 1;
+            }
+        }
+        for i in 1..link_start.len() {
+            link_start[i] += link_start[i - 1];
+        }
+        let nowhere =
+            Link { other: 0, spring: Spring { nodes: [0; 2], stiffness: 0.0, damping: 0.0, rest_length: 0.0 } };
+        let mut links = vec![nowhere; 2 * springs.len()];
+        let mut next = link_start.clone();
+        for spring in springs.iter() {
+            let [i, j] = spring.nodes;
+            for (node, other) in [(i, j), (j, i)] {
+                links[next[node as usize] as usize] = Link { other, spring };
+                next[node as usize] += 1;
+            }
+        }
+        let inverse_mass = mass.iter().zip(&fixed).map(|(m, &fixed)| if fixed { 0.0 } else { 1.0 / m }).collect();
+        Self { rest, mass, inverse_mass, fixed, springs, external, link_start, links }
+    }
+
+    /// Number of nodes.
+    pub fn node_count(&self) -> usize {
+        self.rest.len()
+    }
+
+    /// Springs that end on a node.
+    pub fn links(&self, node: u32) -> &[Link] {
+        let i = node as usize;
+        &self.links[self.link_start[i] as usize..self.link_start[i + 1] as usize]
+    }
+
+    /// The state in which no spring is stretched and nothing moves.
+    pub fn rest_state(&self) -> State {
+        State { x: self.rest.clone(), v: vec![Vec3::zeros(); self.rest.len()] }
+    }
+
+    /// f(x, v) of (1), N. Fixed nodes get a force too; their M⁻¹ is zero.
+    pub fn forces(&self, x: &[Vec3], v: &[Vec3], f: &mut [Vec3]) {
+        f.fill(Vec3::zeros());
+        self.springs.add_forces(x, v, f);
+        for force in &self.external {
+            force.add(&self.mass, v, f);
+        }
+    }
+}
+
+/// Sets velocity components below [`REST_SPEED`] to zero.
+pub fn snap_to_rest(v: &mut [Vec3]) {
+    for component in v.iter_mut().flat_map(|v| v.iter_mut()) {
+        if component.abs() < REST_SPEED {
+            *component = 0.0;
+        }
+    }
+}

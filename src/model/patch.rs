@@ -1,0 +1,180 @@
+//! Which part of the network the local model takes: a centre, some rings of springs around it,
+//! and the triangle in contact.
+
+use super::network::Network;
+use super::springs::{Spring, Springs};
+use super::surface::Surface;
+use crate::Vec3;
+
+/// In [`Patch::vertex_slot`]: this surface vertex is not in the patch.
+pub const OUTSIDE: u32 = u32::MAX;
+
+/// How far a patch reaches.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Extent {
+    /// Nodes within this many springs of the centre.
+    Rings(u32),
+    /// Every free node.
+    All,
+}
+
+/// Nodes and springs of a local model. A patch node's index is its *slot*; slots
+/// `m..m + boundary.len()` are the exterior nodes that a patch spring ends on.
+#[derive(Debug, Clone)]
+pub struct Patch {
+    /// The m free nodes, ascending.
+    pub nodes: Vec<u32>,
+    /// Exterior nodes at the far end of a patch spring, ascending.
+    pub boundary: Vec<u32>,
+    /// Every spring with at least one end in the patch, between slots.
+    pub springs: Springs,
+    /// Mass of each patch node, kg.
+    pub mass: Vec<f64>,
+    /// Its inverse.
+    pub inverse_mass: Vec<f64>,
+    /// Rest position of each patch node, m.
+    pub rest: Vec<Vec3>,
+    /// Slot of each surface vertex, or [`OUTSIDE`].
+    pub vertex_slot: Vec<u32>,
+    /// Surface triangles with a vertex in the patch, ascending.
+    pub triangles: Vec<u32>,
+}
+
+impl Patch {
+    /// m, the number of free nodes.
+    pub fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Whether no node is free.
+    pub fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+}
+
+/// Selects patches; its scratch arrays make the cost of a selection that of the patch.
+#[derive(Debug, Clone)]
+pub struct PatchSelector {
+    slot: Vec<u32>,
+    vertex_of_node: Vec<u32>,
+}
+
+impl PatchSelector {
+    /// A selector for one network and its surface.
+    pub fn new(network: &Network, surface: &Surface) -> Self {
+        let mut vertex_of_node = vec![OUTSIDE; network.node_count()];
+        for (vertex, &node) in surface.vertex_node.iter().enumerate() {
+            vertex_of_node[node as usize] = vertex as u32;
+        }
+        Self { slot: vec![OUTSIDE; network.node_count()], vertex_of_node }
+    }
+
+    /// The patch around a point of the surface: the free surface node nearest to it (lowest index
+    /// on a tie), what lies within the extent of that, and the nodes of the touched triangle.
+    /// Rings may pass through fixed nodes; these are then left out.
+    pub fn select(
+        &mut self,
+        network: &Network,
+        surface: &Surface,
+        x: &[Vec3],
+        point: Vec3,
+        touched: Option<u32>,
+        extent: Extent,
+    ) -> Patch {
+        let mut nodes: Vec<u32> = match extent {
+            Extent::All => (0..network.node_count() as u32).collect(),
+            Extent::Rings(rings) => {
+                let mut nodes = Vec::new();
+                if let Some(centre) = nearest_free_vertex(network, surface, x, point) {
+                    self.rings(network, centre, rings, &mut nodes);
+                }
+                nodes.extend(touched.into_iter().flat_map(|triangle| surface.triangle_nodes(triangle)));
+                nodes
+            }
+        };
+        nodes.retain(|&node| !network.fixed[node as usize]);
+        nodes.sort_unstable();
+        nodes.dedup();
+        self.assemble(network, surface, nodes)
+    }
+
+    /// Breadth first from the centre, one ring after the other.
+    fn rings(&mut self, network: &Network, centre: u32, rings: u32, nodes: &mut Vec<u32>) {
+        nodes.push(centre);
+        self.slot[centre as usize] = 0;
+        let mut ring_start = 0;
+        for _ in 0..rings {
+            let ring_end = nodes.len();
+            for i in ring_start..ring_end {
+                for link in network.links(nodes[i]) {
+                    if self.slot[link.other as usize] == OUTSIDE {
+                        self.slot[link.other as usize] = 0;
+                        nodes.push(link.other);
+                    }
+                }
+            }
+            ring_start = ring_end;
+        }
+        nodes.iter().for_each(|&node| self.slot[node as usize] = OUTSIDE);
+    }
+
+    fn assemble(&mut self, network: &Network, surface: &Surface, nodes: Vec<u32>) -> Patch {
+        let m = nodes.len() as u32;
+        nodes.iter().zip(0..).for_each(|(&node, slot)| self.slot[node as usize] = slot);
+        let mut boundary: Vec<u32> = nodes
+            .iter()
+            .flat_map(|&node| network.links(node))
+            .map(|link| link.other)
+            .filter(|&other| self.slot[other as usize] == OUTSIDE)
+            .collect();
+        boundary.sort_unstable();
+        boundary.dedup();
+        boundary.iter().zip(m..).for_each(|(&node, slot)| self.slot[node as usize] = slot);
+
+        let mut springs: Vec<Spring> = Vec::new();
+        let mut triangles = Vec::new();
+        let mut vertex_slot = vec![OUTSIDE; surface.vertex_node.len()];
+        for &node in &nodes {
+            let slot = self.slot[node as usize];
+            for link in network.links(node) {
+                let other = self.slot[link.other as usize];
+                // A spring inside the patch is seen from both ends; take it from the lower one.
+                if other > slot {
+                    springs.push(Spring { nodes: [slot, other], ..link.spring });
+                }
+            }
+            let vertex = self.vertex_of_node[node as usize];
+            if vertex != OUTSIDE {
+                vertex_slot[vertex as usize] = slot;
+                triangles.extend_from_slice(surface.incident(vertex));
+            }
+        }
+        triangles.sort_unstable();
+        triangles.dedup();
+        nodes.iter().chain(&boundary).for_each(|&node| self.slot[node as usize] = OUTSIDE);
+
+        let of_nodes = |values: &[f64]| nodes.iter().map(|&node| values[node as usize]).collect();
+        Patch {
+            springs: Springs::new(nodes.len() + boundary.len(), &springs),
+            mass: of_nodes(&network.mass),
+            inverse_mass: of_nodes(&network.inverse_mass),
+            rest: nodes.iter().map(|&node| network.rest[node as usize]).collect(),
+            vertex_slot,
+            triangles,
+            nodes,
+            boundary,
+        }
+    }
+}
+
+fn nearest_free_vertex(network: &Network, surface: &Surface, x: &[Vec3], point: Vec3) -> Option<u32> {
+    let mut best: Option<(f64, u32)> = None;
+    for &node in surface.vertex_node.iter().filter(|&&node| !network.fixed[node as usize]) {
+        let distance = (x[node as usize] - point).norm_squared();
+        // Ascending nodes and a strict comparison: the lowest index wins a tie.
+        if best.is_none_or(|(least, _)| distance < least) {
+            best = Some((distance, node));
+        }
+    }
+    best.map(|(_, node)| node)
+}

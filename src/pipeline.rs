@@ -1,0 +1,200 @@
+//! The path of the data, on one page: scene → network → linearise → local model → collide →
+//! constrain → integrate → instrument force → global cycle.
+
+use std::sync::Arc;
+
+use thiserror::Error;
+
+use crate::Vec3;
+use crate::contact::tick::{LocalSimulation, TickReport};
+use crate::device::failsafe::{FailSafe, Fault};
+use crate::device::instrument::TipPath;
+use crate::dynamics::energy::EnergyBook;
+use crate::dynamics::global::{CycleMessage, CycleSettings, GlobalSimulation, Keep, ModelMessage, SyncMode, Trajectory};
+use crate::model::local::LocalModelBuilder;
+use crate::model::network::Network;
+use crate::model::patch::Extent;
+use crate::model::surface::Surface;
+use crate::scene::{Problem, Scene, SceneError};
+
+/// Why a run did not complete.
+#[derive(Debug, Error)]
+pub enum RunError {
+    /// It could not start.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The fail-safe ended it.
+    #[error(transparent)]
+    Fault(#[from] Fault),
+}
+
+/// What an observer sees after a tick.
+#[derive(Debug)]
+pub struct TickView<'a> {
+    /// Counted from 0.
+    pub tick: u64,
+    /// At the end of the tick, s.
+    pub time: f64,
+    /// The tip at the start of the tick, m.
+    pub tip_before: Vec3,
+    /// The tip at its end, m.
+    pub tip: Vec3,
+    /// The force commanded to the instrument, before device limits, N.
+    pub force: Vec3,
+    /// What the tick did.
+    pub report: &'a TickReport,
+    /// The local side, at the end of the tick.
+    pub local: &'a LocalSimulation,
+    /// Age of the model that did it, ticks.
+    pub model_age: u64,
+    /// Energies at its end.
+    pub energy: &'a EnergyBook,
+}
+
+/// A scene put together, ready to run.
+#[derive(Debug, Clone)]
+pub struct Simulation {
+    network: Arc<Network>,
+    surface: Arc<Surface>,
+    global: GlobalSimulation,
+    local: LocalSimulation,
+    path: TipPath,
+    failsafe: FailSafe,
+    tick: f64,
+    tick_count: u64,
+    ticks_per_cycle: u64,
+    latency_ticks: u64,
+    keep: Keep,
+}
+
+impl Simulation {
+    /// Scene → mesh → network → first local model. All allocation that depends on the scene is done
+    /// here and at boundaries, none in a tick.
+    ///
+    /// # Errors
+    /// If the mesh has no proper surface, or the tip starts inside it.
+    pub fn prepare(scene: &Scene) -> Result<Self, SceneError> {
+        let mesh = scene.block.mesh();
+        let surface = Surface::new(&mesh).map_err(|error| scene.mesh_error(Problem::Surface(error)))?;
+        let surface = Arc::new(surface);
+        let network = Arc::new(Network::new(&mesh, &scene.material, scene.fixed.clone()));
+        let builder = LocalModelBuilder::new(&network, surface.clone(), scene.local);
+        let cycle = CycleSettings {
+            sync: scene.global.sync,
+            integrator: scene.global.integrator,
+            substeps: scene.global.substeps,
+            ticks: scene.ticks_per_cycle,
+            tick: scene.tick,
+            metric: scene.contact.metric,
+        };
+        let mut global = GlobalSimulation::new(cycle, network.clone(), surface.clone(), builder);
+
+        let tip = scene.path.at(0.0);
+        let ModelMessage { model, state } = global.first_model(tip);
+        let local = LocalSimulation::new(scene.contact, scene.tick, model, state);
+        let distance = local.shape().signed_distance(tip);
+        if distance < 0.0 {
+            return Err(scene.tip_inside(-distance));
+        }
+        let replays = scene.global.sync == SyncMode::Replay && scene.local.extent != Extent::All;
+        Ok(Self {
+            failsafe: FailSafe::new(&network.rest),
+            network,
+            surface,
+            global,
+            local,
+            path: scene.path.clone(),
+            tick: scene.tick,
+            tick_count: scene.tick_count,
+            ticks_per_cycle: u64::from(scene.ticks_per_cycle),
+            latency_ticks: u64::from(scene.global.latency_ticks),
+            keep: if replays { Keep::Path } else { Keep::End },
+        })
+    }
+
+    /// The full model.
+    pub fn network(&self) -> &Network {
+        &self.network
+    }
+
+    /// Its surface.
+    pub fn surface(&self) -> &Surface {
+        &self.surface
+    }
+
+    /// The local side.
+    pub fn local(&self) -> &LocalSimulation {
+        &self.local
+    }
+
+    /// The global side.
+    pub fn global(&self) -> &GlobalSimulation {
+        &self.global
+    }
+
+    /// Runs in lockstep: the two sides take turns in virtual time. `observe` is called after every
+    /// tick that the fail-safe lets pass.
+    ///
+    /// # Errors
+    /// With the fault that ended the run.
+    pub fn run(mut self, mut observe: impl FnMut(&TickView)) -> Result<(), Fault> {
+        let mut trajectory = self.new_trajectory(0, self.ticks_per_cycle);
+        let mut pending: Option<(u64, ModelMessage)> = None;
+        let mut energy = EnergyBook::default();
+        energy.take_stock(&self.local);
+        let mut tip_before = self.path.at(0.0);
+        for tick in 0..self.tick_count {
+            let tick_in_cycle = tick % self.ticks_per_cycle;
+            if tick_in_cycle == 0 && tick > 0 {
+                // Up: the cycle just past. Down: the model of the next, due after its latency.
+                let contact = self.local.contact();
+                let past = std::mem::replace(&mut trajectory, self.new_trajectory(0, self.ticks_per_cycle));
+                let message = CycleMessage { trajectory: past, contact, tip: tip_before };
+                pending = Some((tick + self.latency_ticks, self.global.advance(&message)));
+            }
+            if let Some((_, model)) = pending.take_if(|(due, _)| *due == tick) {
+                self.local.hand_over(model.model, model.state, self.latency_ticks);
+                energy.take_stock(&self.local);
+                self.extend_trajectory(&mut trajectory, tick_in_cycle);
+            }
+
+            let model_age = self.local.model_age();
+            let time = (tick + 1) as f64 * self.tick;
+            let tip = self.path.at(time);
+            let report = self.local.tick(tip_before, tip);
+            let force = self.failsafe.command(tick, tip, &self.local, &report)?;
+
+            trajectory.record(self.local.state());
+            energy.book(&self.local, &report, tip_before, tip, self.tick);
+            let local = &self.local;
+            observe(&TickView { tick, time, tip_before, tip, force, report: &report, local, model_age, energy: &energy });
+            tip_before = tip;
+        }
+        Ok(())
+    }
+
+    fn new_trajectory(&self, tick: u64, ticks: u64) -> Trajectory {
+        let mut trajectory = Trajectory::new(self.keep);
+        trajectory.begin(self.local.model(), self.local.state(), tick as usize, ticks as usize);
+        trajectory
+    }
+
+    /// A model handed over at the start of a cycle replaces the segment that was just begun.
+    fn extend_trajectory(&self, trajectory: &mut Trajectory, tick: u64) {
+        if tick == 0 {
+            *trajectory = self.new_trajectory(0, self.ticks_per_cycle);
+        } else {
+            let rest = self.ticks_per_cycle - tick;
+            trajectory.begin(self.local.model(), self.local.state(), tick as usize, rest as usize);
+        }
+    }
+}
+
+/// Puts a scene together and runs it.
+///
+/// # Errors
+/// If the scene cannot start, or the fail-safe ends it.
+pub fn run(scene: &Scene, observe: impl FnMut(&TickView)) -> Result<(), RunError> {
+    Simulation::prepare(scene)?.run(observe)?;
+    Ok(())
+}

@@ -1,0 +1,167 @@
+//! What can be wrong with a scene, and where.
+
+use std::fmt;
+use std::ops::Range;
+use std::path::PathBuf;
+
+use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
+use thiserror::Error;
+
+use super::keys::accepted;
+use crate::device::instrument::PathError;
+use crate::model::surface::SurfaceError;
+
+/// What is wrong.
+#[derive(Debug, Error)]
+pub enum Problem {
+    /// The file cannot be read.
+    #[error("cannot read {path}: {error}")]
+    Unreadable {
+        /// The scene.
+        path: PathBuf,
+        /// Why.
+        error: std::io::Error,
+    },
+    /// Not TOML, an unknown or missing key, or a value of the wrong type: the parser's words.
+    #[error("{0}")]
+    Syntax(String),
+    /// A value that is not accepted.
+    #[error("`{key}` cannot be {value}")]
+    NotAccepted {
+        /// The key.
+        key: &'static str,
+        /// The value.
+        value: String,
+    },
+    /// A key is missing that the scene needs.
+    #[error("`{0}` is missing")]
+    Missing(&'static str),
+    /// A key is there that can have no effect.
+    #[error("`{key}` has no effect with {because}")]
+    NoEffect {
+        /// The key.
+        key: &'static str,
+        /// What makes it so.
+        because: &'static str,
+    },
+    /// Two keys say the same thing.
+    #[error("`{0}` and `{1}` cannot both be given")]
+    Both(&'static str, &'static str),
+    /// One value per node is needed.
+    #[error("`{key}` has {found} values for {nodes} nodes")]
+    WrongLength {
+        /// The key.
+        key: &'static str,
+        /// Its length.
+        found: usize,
+        /// The number of nodes.
+        nodes: usize,
+    },
+    /// The mesh would not fit.
+    #[error("a mesh of {nodes} nodes and {springs} springs needs about {needed_mib} MiB; {available_mib} MiB are free")]
+    TooLarge {
+        /// Nodes.
+        nodes: u128,
+        /// Springs.
+        springs: u128,
+        /// What a run of it would take.
+        needed_mib: u128,
+        /// What there is.
+        available_mib: u128,
+    },
+    /// The tip starts inside.
+    #[error("at t = 0 the tip is {depth_m:.6} m inside the surface")]
+    TipInside {
+        /// Distance from the surface, m.
+        depth_m: f64,
+    },
+    /// The waypoints or the recording.
+    #[error("`{key}`: {error}")]
+    Path {
+        /// The key.
+        key: &'static str,
+        /// What is wrong.
+        error: PathError,
+    },
+    /// The mesh has no proper surface.
+    #[error(transparent)]
+    Surface(#[from] SurfaceError),
+}
+
+impl Problem {
+    /// The key it is about.
+    fn key(&self) -> Option<&'static str> {
+        match self {
+            Problem::NotAccepted { key, .. }
+            | Problem::Missing(key)
+            | Problem::NoEffect { key, .. }
+            | Problem::Both(key, _)
+            | Problem::WrongLength { key, .. }
+            | Problem::Path { key, .. } => Some(key),
+            Problem::Unreadable { .. }
+            | Problem::Syntax(_)
+            | Problem::TooLarge { .. }
+            | Problem::TipInside { .. }
+            | Problem::Surface(_) => None,
+        }
+    }
+}
+
+/// A problem with its place in the scene's text.
+#[derive(Debug)]
+pub struct SceneError {
+    pub(super) detail: Box<Detail>,
+}
+
+#[derive(Debug)]
+pub(super) struct Detail {
+    pub problem: Problem,
+    pub source: Option<NamedSource<String>>,
+    pub span: Option<Range<usize>>,
+    pub help: Option<String>,
+}
+
+impl SceneError {
+    pub(super) fn unplaced(problem: Problem, help: &str) -> Self {
+        let detail = Detail { problem, source: None, span: None, help: Some(help.to_owned()) };
+        Self { detail: Box::new(detail) }
+    }
+
+    pub(super) fn at(problem: Problem, source: NamedSource<String>, span: Option<Range<usize>>) -> Self {
+        let help = problem.key().and_then(accepted).map(|values| format!("accepted: {values}"));
+        Self { detail: Box::new(Detail { problem, source: Some(source), span, help }) }
+    }
+
+    pub(super) fn with_help(mut self, help: impl Into<String>) -> Self {
+        self.detail.help = Some(help.into());
+        self
+    }
+
+    /// What is wrong.
+    pub fn problem(&self) -> &Problem {
+        &self.detail.problem
+    }
+}
+
+impl fmt::Display for SceneError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.detail.problem.fmt(f)
+    }
+}
+
+impl std::error::Error for SceneError {}
+
+impl Diagnostic for SceneError {
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        self.detail.help.as_ref().map(|help| Box::new(help) as Box<dyn fmt::Display>)
+    }
+
+    fn source_code(&self) -> Option<&dyn SourceCode> {
+        self.detail.source.as_ref().map(|source| source as &dyn SourceCode)
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        let span = self.detail.span.clone()?;
+        Some(Box::new(std::iter::once(LabeledSpan::new(Some("here".to_owned()), span.start, span.len().max(1)))))
+    }
+}

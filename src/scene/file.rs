@@ -1,0 +1,277 @@
+//! The scene file as written: names, types, and where each value stands. What values mean and which
+//! go together is decided in [`super::validate`].
+
+use serde::Deserialize;
+use toml::Spanned;
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneFile {
+    pub name: Spanned<String>,
+    pub duration: Spanned<f64>,
+    pub mesh: Spanned<MeshTable>,
+    pub material: Spanned<MaterialTable>,
+    #[serde(default)]
+    pub global: GlobalTable,
+    #[serde(default)]
+    pub local: LocalTable,
+    pub contact: Spanned<ContactTable>,
+    pub instrument: Spanned<InstrumentTable>,
+    #[serde(default)]
+    pub sync: SyncTable,
+    #[serde(default)]
+    pub run: RunTable,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MeshTable {
+    #[serde(default)]
+    pub kind: MeshKind,
+    pub nodes: Spanned<[usize; 3]>,
+    pub spacing: Spanned<f64>,
+    #[serde(default)]
+    pub stencil: StencilName,
+    pub fixed: Option<Spanned<Fixed>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MeshKind {
+    #[default]
+    Block,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StencilName {
+    Structural,
+    #[default]
+    Shear,
+    Full,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(untagged, expecting = "expected \"bottom\", \"none\", { below_z = … } or { nodes = [ … ] }")]
+pub enum Fixed {
+    Named(FixedName),
+    Region(FixedRegion),
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FixedName {
+    Bottom,
+    None,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FixedRegion {
+    BelowZ(f64),
+    Nodes(Vec<u32>),
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(untagged, expecting = "expected a number or a list of one number per node")]
+pub enum PerNode {
+    Same(f64),
+    Each(Vec<f64>),
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MaterialTable {
+    pub node_mass: Option<Spanned<PerNode>>,
+    pub density: Option<Spanned<PerNode>>,
+    pub stiffness: Spanned<f64>,
+    pub damping: Spanned<f64>,
+    pub drag: Option<Spanned<f64>>,
+    pub gravity: Option<Spanned<[f64; 3]>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GlobalTable {
+    pub rate: Option<Spanned<f64>>,
+    #[serde(default)]
+    pub integrator: GlobalIntegratorName,
+    pub substeps: Option<Spanned<u32>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum GlobalIntegratorName {
+    #[default]
+    SemiImplicitEuler,
+    Rk4,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LocalTable {
+    pub rate: Option<Spanned<f64>>,
+    #[serde(default)]
+    pub model: LocalModelName,
+    pub rings: Option<Spanned<Rings>>,
+    pub linearization: Option<Spanned<LinearizationName>>,
+    pub exterior: Option<Spanned<ExteriorName>>,
+    pub tangent: Option<Spanned<TangentName>>,
+    #[serde(default)]
+    pub integrator: LocalIntegratorName,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LocalModelName {
+    #[default]
+    Patch,
+    Full,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(untagged, expecting = "expected a whole number of at least 1 or \"all\"")]
+pub enum Rings {
+    Count(u32),
+    Named(AllName),
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AllName {
+    All,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LinearizationName {
+    #[default]
+    Tangent,
+    None,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ExteriorName {
+    #[default]
+    Fixed,
+    Drifting,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TangentName {
+    #[default]
+    Exact,
+    Stabilised,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LocalIntegratorName {
+    #[default]
+    SemiImplicitEuler,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ContactTable {
+    pub law: LawName,
+    pub friction: Option<Spanned<f64>>,
+    #[serde(default)]
+    pub scheme: SchemeName,
+    #[serde(default)]
+    pub surface: SurfaceName,
+    #[serde(default)]
+    pub deformation: DeformationName,
+    #[serde(default)]
+    pub metric: MetricName,
+    pub wall_stiffness: Option<Spanned<f64>>,
+    pub wall_damping: Option<Spanned<f64>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LawName {
+    Sliding,
+    Sticking,
+    StickSlip,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SchemeName {
+    #[default]
+    Geometric,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SurfaceName {
+    #[default]
+    Faceted,
+    Shaded,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DeformationName {
+    #[default]
+    Rigid,
+    LeastNorm,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MetricName {
+    #[default]
+    Euclidean,
+    Mass,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct InstrumentTable {
+    #[serde(default)]
+    pub kind: InstrumentKind,
+    pub waypoints: Option<Spanned<Vec<Spanned<Vec<f64>>>>>,
+    pub file: Option<Spanned<String>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum InstrumentKind {
+    #[default]
+    Path,
+    Recording,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SyncTable {
+    #[serde(default)]
+    pub mode: SyncName,
+    pub latency_ticks: Option<Spanned<u32>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SyncName {
+    #[default]
+    Replay,
+    Overwrite,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunTable {
+    #[serde(default)]
+    pub schedule: ScheduleName,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ScheduleName {
+    #[default]
+    Lockstep,
+}

@@ -1,0 +1,61 @@
+//! Every key of a scene and what it accepts: one table for error messages and documentation.
+
+/// (key, accepted values), in the order of a scene file.
+pub const KEYS: &[(&str, &str)] = &[
+    ("name", "letters, digits, `-`, `_` and `.`, starting with a letter or digit; it names the output folder"),
+    ("duration", "a finite number above 0, in s, that is a whole number of ticks of `local.rate`"),
+    ("mesh", "a table with `nodes` and `spacing`"),
+    ("mesh.kind", "\"block\" (default)"),
+    ("mesh.nodes", "three whole numbers of at least 2: nodes along x, y and z"),
+    ("mesh.spacing", "a finite number above 0, in m"),
+    ("mesh.stencil", "\"structural\" (edges), \"shear\" (and face diagonals; default) or \"full\" (and body diagonals)"),
+    (
+        "mesh.fixed",
+        "\"bottom\" (default), \"none\", { below_z = a finite number in m } or { nodes = [indices below the number of nodes] }",
+    ),
+    ("material", "a table with `node_mass` or `density`, `stiffness` and `damping`"),
+    ("material.node_mass", "a finite number above 0, in kg, or a list of one per node; not together with `density`"),
+    ("material.density", "a finite number above 0, in kg/m³, or a list of one per node; not together with `node_mass`"),
+    ("material.stiffness", "a finite number above 0, in N/m"),
+    ("material.damping", "a finite number of at least 0, in N·s/m"),
+    ("material.drag", "a finite number of at least 0, in N·s/m (default 0)"),
+    ("material.gravity", "three finite numbers, in m/s² (default [0, 0, 0])"),
+    ("global", "a table of `rate`, `integrator`, `substeps`"),
+    ("global.rate", "a finite number above 0, in Hz, of which `local.rate` is a whole multiple (default 10)"),
+    ("global.integrator", "\"semi-implicit-euler\" (default) or \"rk4\""),
+    ("global.substeps", "a whole number of at least 1: equal steps per cycle (default 100)"),
+    ("local", "a table of `rate`, `model`, `rings`, `linearization`, `exterior`, `tangent`, `integrator`"),
+    ("local.rate", "a finite number above 0, in Hz, that is a whole multiple of `global.rate` (default 1000)"),
+    ("local.model", "\"patch\" (default) or \"full\""),
+    ("local.rings", "a whole number of at least 1 (default 1) or \"all\"; only with `model = \"patch\"`"),
+    ("local.linearization", "\"tangent\" (default) or \"none\"; only with `model = \"patch\"`"),
+    ("local.exterior", "\"fixed\" (default) or \"drifting\"; only with `model = \"patch\"`"),
+    ("local.tangent", "\"exact\" (default) or \"stabilised\"; only with `linearization = \"tangent\"`"),
+    ("local.integrator", "\"semi-implicit-euler\" (default)"),
+    ("contact", "a table with `law`"),
+    ("contact.law", "\"sliding\", \"sticking\" or \"stick-slip\""),
+    ("contact.friction", "a finite number of at least 0; required with `law = \"stick-slip\"`, only allowed there"),
+    ("contact.scheme", "\"geometric\" (default)"),
+    ("contact.surface", "\"faceted\" (default) or \"shaded\""),
+    ("contact.deformation", "\"rigid\" (default) or \"least-norm\""),
+    ("contact.metric", "\"euclidean\" (default) or \"mass\""),
+    ("contact.wall_stiffness", "a finite number of at least 0, in N/m (default 1000)"),
+    ("contact.wall_damping", "a finite number of at least 0, in N·s/m (default 0)"),
+    ("instrument", "a table with `waypoints`, or with `kind = \"recording\"` and `file`"),
+    ("instrument.kind", "\"path\" (default) or \"recording\""),
+    ("instrument.waypoints", "a list of at least one [t, x, y, z], finite, in s and m, with ascending t; only with `kind = \"path\"`"),
+    (
+        "instrument.file",
+        "a CSV file with the header t,x,y,z, in s and m, with ascending t, relative to the scene; only with `kind = \"recording\"`",
+    ),
+    ("sync", "a table of `mode`, `latency_ticks`"),
+    ("sync.mode", "\"replay\" (default) or \"overwrite\""),
+    ("sync.latency_ticks", "a whole number from 0 (default) to less than the ticks of one global cycle"),
+    ("run", "a table of `schedule`"),
+    ("run.schedule", "\"lockstep\" (default)"),
+];
+
+/// What a key accepts.
+pub fn accepted(key: &str) -> Option<&'static str> {
+    KEYS.iter().find(|(known, _)| *known == key).map(|(_, accepted)| *accepted)
+}

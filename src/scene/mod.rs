@@ -1,0 +1,128 @@
+//! Scenes: what is simulated, read from TOML and checked before anything is built.
+
+mod error;
+mod file;
+mod keys;
+mod shipped;
+mod validate;
+
+use std::ops::Range;
+use std::path::Path;
+
+use miette::NamedSource;
+
+pub use error::{Problem, SceneError};
+pub use keys::KEYS;
+pub use shipped::{Expectation, SHIPPED, Shipped};
+
+use crate::contact::tick::ContactRules;
+use crate::device::instrument::TipPath;
+use crate::dynamics::global::SyncMode;
+use crate::dynamics::integrators::GlobalIntegrator;
+use crate::model::local::LocalSettings;
+use crate::model::mesh::Block;
+use crate::model::network::Material;
+
+/// A checked scene: every value is finite and in range, and every key has an effect.
+///
+/// ```
+/// use stickslip::scene::Scene;
+/// let scene = Scene::shipped("fig5-stick-slip").expect("shipped with the program");
+/// assert_eq!((scene.tick_count, scene.ticks_per_cycle), (1200, 100));
+/// let error = Scene::parse("name = 'x'\nduraton = 1.0", "x.toml".as_ref()).unwrap_err();
+/// assert!(error.to_string().contains("unknown field `duraton`"));
+/// ```
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// Names the output folder.
+    pub name: String,
+    /// s.
+    pub duration: f64,
+    /// Ticks of the local loop in the duration.
+    pub tick_count: u64,
+    /// h, s.
+    pub tick: f64,
+    /// Local rate / global rate.
+    pub ticks_per_cycle: u32,
+    /// The mesh.
+    pub block: Block,
+    /// Which nodes never move.
+    pub fixed: Vec<bool>,
+    /// Masses, springs, gravity and drag.
+    pub material: Material,
+    /// The global cycle.
+    pub global: GlobalSettings,
+    /// `model = "full"`: the whole network runs at the local rate.
+    pub is_full: bool,
+    /// The local model.
+    pub local: LocalSettings,
+    /// The contact.
+    pub contact: ContactRules,
+    /// The instrument.
+    pub path: TipPath,
+    source: Source,
+}
+
+/// The global side of a scene.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GlobalSettings {
+    /// Hz.
+    pub rate: f64,
+    /// How the full model is integrated.
+    pub integrator: GlobalIntegrator,
+    /// Equal steps per cycle.
+    pub substeps: u32,
+    /// How it takes in the local model's cycle.
+    pub sync: SyncMode,
+    /// Ticks from the state a model is built from to its first use.
+    pub latency_ticks: u32,
+}
+
+/// Where a scene came from, kept for errors that only show when it is put together.
+#[derive(Debug, Clone)]
+struct Source {
+    text: NamedSource<String>,
+    instrument: Range<usize>,
+    mesh: Range<usize>,
+}
+
+impl Scene {
+    /// Reads a scene file.
+    ///
+    /// # Errors
+    /// If the file is missing or not a scene; with file, line, column and what is accepted.
+    pub fn load(path: &Path) -> Result<Self, SceneError> {
+        let text = std::fs::read_to_string(path).map_err(|error| {
+            let names: Vec<&str> = SHIPPED.iter().map(|shipped| shipped.name).collect();
+            SceneError::unplaced(
+                Problem::Unreadable { path: path.to_owned(), error },
+                &format!("give the path of a scene file, or the name of a shipped scene: {}", names.join(", ")),
+            )
+        })?;
+        Self::parse(&text, path)
+    }
+
+    /// Reads a scene from text. `path` names it in errors, and files it mentions are relative to it.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn parse(text: &str, path: &Path) -> Result<Self, SceneError> {
+        validate::scene(text, path)
+    }
+
+    /// A scene that comes with the program, by name.
+    pub fn shipped(name: &str) -> Option<Self> {
+        let shipped = SHIPPED.iter().find(|shipped| shipped.name == name)?;
+        Self::parse(shipped.text, Path::new(name)).ok()
+    }
+
+    pub(crate) fn mesh_error(&self, problem: Problem) -> SceneError {
+        SceneError::at(problem, self.source.text.clone(), Some(self.source.mesh.clone()))
+    }
+
+    pub(crate) fn tip_inside(&self, depth_m: f64) -> SceneError {
+        let span = self.source.instrument.clone();
+        SceneError::at(Problem::TipInside { depth_m }, self.source.text.clone(), Some(span))
+            .with_help("start the tip outside: the first waypoint decides where it is at t = 0")
+    }
+}

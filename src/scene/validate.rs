@@ -1,0 +1,432 @@
+//! From the scene file to a scene: ranges, and which keys go together.
+
+use std::ops::Range;
+use std::path::Path;
+
+use miette::NamedSource;
+use toml::Spanned;
+
+use super::error::{Problem, SceneError};
+use super::file::*;
+use super::keys::accepted;
+use super::{GlobalSettings, Scene, Source};
+use crate::Vec3;
+use crate::contact::law::Law;
+use crate::contact::operators::Metric;
+use crate::contact::surface::ContactSurface;
+use crate::contact::tick::{ContactRules, Deformation, Wall};
+use crate::device::instrument::{TipPath, Waypoint};
+use crate::dynamics::global::SyncMode;
+use crate::dynamics::integrators::GlobalIntegrator;
+use crate::model::local::{ExteriorKind, Linearization, LocalSettings};
+use crate::model::mesh::{Block, Stencil};
+use crate::model::network::Material;
+use crate::model::patch::Extent;
+use crate::model::springs::TangentKind;
+
+/// How far from a whole number a ratio of two decimal inputs may be and still mean one: a few
+/// roundings of numbers up to 1e9 ticks.
+const WHOLE_NUMBER_TOLERANCE: f64 = 1e-9;
+
+/// Bytes that a run takes per node: rest position, mass, and eight position-and-velocity arrays of
+/// the global side, the local side and their scratch.
+const BYTES_PER_NODE: u128 = 500;
+/// Bytes per spring: once in the network and twice in the adjacency, once in a patch that takes all.
+const BYTES_PER_SPRING: u128 = 300;
+
+type Placed<T> = Result<T, SceneError>;
+
+pub(super) fn scene(text: &str, path: &Path) -> Placed<Scene> {
+    let checker = Checker { source: NamedSource::new(path.display().to_string(), text.to_owned()) };
+    let file = checker.deserialize(text)?;
+    checker.scene(file, path.parent().unwrap_or(Path::new("")))
+}
+
+struct Checker {
+    source: NamedSource<String>,
+}
+
+/// What a number may be.
+#[derive(Clone, Copy)]
+enum Sign {
+    Positive,
+    NonNegative,
+}
+
+impl Checker {
+    fn error(&self, problem: Problem, span: Range<usize>) -> SceneError {
+        SceneError::at(problem, self.source.clone(), Some(span))
+    }
+
+    fn deserialize(&self, text: &str) -> Placed<SceneFile> {
+        let syntax = |error: &toml::de::Error| {
+            SceneError::at(Problem::Syntax(error.message().to_owned()), self.source.clone(), error.span())
+        };
+        let deserializer = toml::Deserializer::parse(text).map_err(|error| syntax(&error))?;
+        serde_path_to_error::deserialize(deserializer).map_err(|error| {
+            // The path names the key of a wrong value, but the table of an unknown or missing one.
+            let path: Vec<String> = error
+                .path()
+                .iter()
+                .filter_map(|segment| match segment {
+                    serde_path_to_error::Segment::Map { key } if !key.starts_with('$') => Some(key.clone()),
+                    _ => None,
+                })
+                .collect();
+            let placed = syntax(error.inner());
+            match accepted(&path.join(".")) {
+                Some(values) => placed.with_help(format!("accepted for `{}`: {values}", path.join("."))),
+                None => placed,
+            }
+        })
+    }
+
+    fn scene(&self, file: SceneFile, folder: &Path) -> Placed<Scene> {
+        let name = self.name(&file.name)?;
+        let duration = self.number("duration", &file.duration, Sign::Positive)?;
+        let LocalIntegratorName::SemiImplicitEuler = file.local.integrator;
+        let ScheduleName::Lockstep = file.run.schedule;
+
+        let (block, fixed) = self.mesh(&file.mesh)?;
+        let material = self.material(&file.material, &block)?;
+
+        let local_rate = self.number_or("local.rate", &file.local.rate, 1000.0, Sign::Positive)?;
+        let global_rate = self.number_or("global.rate", &file.global.rate, 10.0, Sign::Positive)?;
+        let whole = |ratio: f64| {
+            ((ratio - ratio.round()).abs() <= WHOLE_NUMBER_TOLERANCE * ratio && ratio >= 0.5).then_some(ratio.round())
+        };
+        let ticks_per_cycle = whole(local_rate / global_rate)
+            .filter(|&ratio| ratio <= f64::from(u32::MAX))
+            .ok_or_else(|| {
+                let (key, span) = match (&file.local.rate, &file.global.rate) {
+                    (Some(rate), _) => ("local.rate", rate.span()),
+                    (None, Some(rate)) => ("global.rate", rate.span()),
+                    (None, None) => ("global.rate", 0..0),
+                };
+                let value = format!("this: {local_rate} Hz is not a whole multiple of the global {global_rate} Hz");
+                self.error(Problem::NotAccepted { key, value }, span)
+            })? as u32;
+        let tick_count = whole(duration * local_rate).ok_or_else(|| {
+            let value = format!("{duration} s, which is {} ticks of {} s", duration * local_rate, 1.0 / local_rate);
+            self.error(Problem::NotAccepted { key: "duration", value }, file.duration.span())
+        })? as u64;
+
+        let latency_ticks = match &file.sync.latency_ticks {
+            Some(latency) if *latency.get_ref() >= ticks_per_cycle => {
+                let value = format!("{}: one global cycle has {ticks_per_cycle} ticks", latency.get_ref());
+                return Err(self.error(Problem::NotAccepted { key: "sync.latency_ticks", value }, latency.span()));
+            }
+            Some(latency) => *latency.get_ref(),
+            None => 0,
+        };
+        let global = GlobalSettings {
+            rate: global_rate,
+            integrator: match file.global.integrator {
+                GlobalIntegratorName::SemiImplicitEuler => GlobalIntegrator::SemiImplicitEuler,
+                GlobalIntegratorName::Rk4 => GlobalIntegrator::Rk4,
+            },
+            substeps: self.count_or("global.substeps", &file.global.substeps, 100)?,
+            sync: match file.sync.mode {
+                SyncName::Replay => SyncMode::Replay,
+                SyncName::Overwrite => SyncMode::Overwrite,
+            },
+            latency_ticks,
+        };
+        let is_full = matches!(file.local.model, LocalModelName::Full);
+        let source =
+            Source { text: self.source.clone(), instrument: file.instrument.span(), mesh: file.mesh.span() };
+        Ok(Scene {
+            name,
+            duration,
+            tick_count,
+            tick: 1.0 / local_rate,
+            ticks_per_cycle,
+            fixed,
+            material,
+            global,
+            is_full,
+            local: self.local(&file.local)?,
+            contact: self.contact(&file.contact)?,
+            path: self.instrument(&file.instrument, folder)?,
+            block,
+            source,
+        })
+    }
+
+    fn name(&self, name: &Spanned<String>) -> Placed<String> {
+        let text = name.get_ref();
+        let allowed = |c: char| c.is_alphanumeric() || "-_.".contains(c);
+        if text.starts_with(char::is_alphanumeric) && text.chars().all(allowed) {
+            return Ok(text.clone());
+        }
+        Err(self.error(Problem::NotAccepted { key: "name", value: format!("{text:?}") }, name.span()))
+    }
+
+    fn mesh(&self, table: &Spanned<MeshTable>) -> Placed<(Block, Vec<bool>)> {
+        let mesh = table.get_ref();
+        let MeshKind::Block = mesh.kind;
+        let nodes = *mesh.nodes.get_ref();
+        if nodes.iter().any(|&count| count < 2) {
+            let value = format!("{nodes:?}");
+            return Err(self.error(Problem::NotAccepted { key: "mesh.nodes", value }, mesh.nodes.span()));
+        }
+        let block = Block {
+            nodes,
+            spacing: self.number("mesh.spacing", &mesh.spacing, Sign::Positive)?,
+            stencil: match mesh.stencil {
+                StencilName::Structural => Stencil::Structural,
+                StencilName::Shear => Stencil::Shear,
+                StencilName::Full => Stencil::Full,
+            },
+        };
+        self.fits_memory(&block, mesh.nodes.span())?;
+        let fixed = self.fixed(&mesh.fixed, &block)?;
+        Ok((block, fixed))
+    }
+
+    /// Before anything of the mesh's size is allocated.
+    fn fits_memory(&self, block: &Block, span: Range<usize>) -> Placed<()> {
+        let nodes = block.nodes.iter().fold(1_u128, |product, &count| product.saturating_mul(count as u128));
+        let springs = block.edge_count() as u128;
+        let needed = nodes.saturating_mul(BYTES_PER_NODE).saturating_add(springs.saturating_mul(BYTES_PER_SPRING));
+        let mut system = sysinfo::System::new();
+        system.refresh_memory();
+        let available = u128::from(system.available_memory());
+        if needed <= available && nodes < u128::from(u32::MAX) {
+            return Ok(());
+        }
+        let mib = |bytes: u128| bytes >> 20;
+        let problem =
+            Problem::TooLarge { nodes, springs, needed_mib: mib(needed), available_mib: mib(available) };
+        Err(self.error(problem, span).with_help("give fewer nodes, at most 2³² − 2"))
+    }
+
+    fn fixed(&self, fixed: &Option<Spanned<Fixed>>, block: &Block) -> Placed<Vec<bool>> {
+        let count = block.nodes.iter().product();
+        let bottom = || (0..count).map(|node| block.is_bottom(node)).collect();
+        let Some(fixed) = fixed else { return Ok(bottom()) };
+        let refuse = |value: String| self.error(Problem::NotAccepted { key: "mesh.fixed", value }, fixed.span());
+        match fixed.get_ref() {
+            Fixed::Named(FixedName::Bottom) => Ok(bottom()),
+            Fixed::Named(FixedName::None) => Ok(vec![false; count]),
+            Fixed::Region(FixedRegion::BelowZ(z)) if z.is_finite() => {
+                Ok(block.mesh().nodes.iter().map(|node| node.z < *z).collect())
+            }
+            Fixed::Region(FixedRegion::BelowZ(z)) => Err(refuse(format!("{{ below_z = {z} }}"))),
+            Fixed::Region(FixedRegion::Nodes(nodes)) => {
+                let mut fixed = vec![false; count];
+                for &node in nodes {
+                    match fixed.get_mut(node as usize) {
+                        Some(fixed) => *fixed = true,
+                        None => return Err(refuse(format!("node {node} of {count}"))),
+                    }
+                }
+                Ok(fixed)
+            }
+        }
+    }
+
+    fn material(&self, table: &Spanned<MaterialTable>, block: &Block) -> Placed<Material> {
+        let material = table.get_ref();
+        let count: usize = block.nodes.iter().product();
+        let node_mass = match (&material.node_mass, &material.density) {
+            (Some(mass), None) => self.per_node("material.node_mass", mass, count)?,
+            (None, Some(density)) => {
+                let cell = block.spacing.powi(3);
+                let mut mass = self.per_node("material.density", density, count)?;
+                for (node, mass) in mass.iter_mut().enumerate() {
+                    *mass *= cell / f64::from(1 << block.boundary_directions(node));
+                }
+                mass
+            }
+            (Some(_), Some(density)) => {
+                return Err(self.error(Problem::Both("material.density", "material.node_mass"), density.span()));
+            }
+            (None, None) => return Err(self.error(Problem::Missing("material.node_mass"), table.span())),
+        };
+        let gravity = match &material.gravity {
+            None => Vec3::zeros(),
+            Some(gravity) if gravity.get_ref().iter().all(|g| g.is_finite()) => Vec3::from(*gravity.get_ref()),
+            Some(gravity) => {
+                let value = format!("{:?}", gravity.get_ref());
+                return Err(self.error(Problem::NotAccepted { key: "material.gravity", value }, gravity.span()));
+            }
+        };
+        Ok(Material {
+            node_mass,
+            stiffness: self.number("material.stiffness", &material.stiffness, Sign::Positive)?,
+            damping: self.number("material.damping", &material.damping, Sign::NonNegative)?,
+            drag: self.number_or("material.drag", &material.drag, 0.0, Sign::NonNegative)?,
+            gravity,
+        })
+    }
+
+    fn per_node(&self, key: &'static str, values: &Spanned<PerNode>, nodes: usize) -> Placed<Vec<f64>> {
+        let positive = |value: f64| self.check(key, value, values.span(), Sign::Positive);
+        match values.get_ref() {
+            PerNode::Same(value) => Ok(vec![positive(*value)?; nodes]),
+            PerNode::Each(each) if each.len() == nodes => each.iter().map(|&value| positive(value)).collect(),
+            PerNode::Each(each) => {
+                Err(self.error(Problem::WrongLength { key, found: each.len(), nodes }, values.span()))
+            }
+        }
+    }
+
+    fn local(&self, local: &LocalTable) -> Placed<LocalSettings> {
+        if let LocalModelName::Full = local.model {
+            let unused = [
+                ("local.rings", local.rings.as_ref().map(Spanned::span)),
+                ("local.linearization", local.linearization.as_ref().map(Spanned::span)),
+                ("local.exterior", local.exterior.as_ref().map(Spanned::span)),
+                ("local.tangent", local.tangent.as_ref().map(Spanned::span)),
+            ];
+            for (key, span) in unused {
+                self.no_effect(key, span, "`local.model = \"full\"`")?;
+            }
+            return Ok(LocalSettings::FULL);
+        }
+        let extent = match &local.rings {
+            None => Extent::Rings(1),
+            Some(rings) => match rings.get_ref() {
+                Rings::Named(AllName::All) => Extent::All,
+                Rings::Count(0) => {
+                    let problem = Problem::NotAccepted { key: "local.rings", value: "0".to_owned() };
+                    return Err(self.error(problem, rings.span()));
+                }
+                Rings::Count(rings) => Extent::Rings(*rings),
+            },
+        };
+        let linearization = match local.linearization.as_ref().map(Spanned::get_ref) {
+            None | Some(LinearizationName::Tangent) => {
+                Linearization::Tangent(match local.tangent.as_ref().map(Spanned::get_ref) {
+                    None | Some(TangentName::Exact) => TangentKind::Exact,
+                    Some(TangentName::Stabilised) => TangentKind::Stabilised,
+                })
+            }
+            Some(LinearizationName::None) => {
+                let span = local.tangent.as_ref().map(Spanned::span);
+                self.no_effect("local.tangent", span, "`local.linearization = \"none\"`")?;
+                Linearization::None
+            }
+        };
+        let exterior = match local.exterior.as_ref().map(Spanned::get_ref) {
+            None | Some(ExteriorName::Fixed) => ExteriorKind::Fixed,
+            Some(ExteriorName::Drifting) => ExteriorKind::Drifting,
+        };
+        Ok(LocalSettings { extent, linearization, exterior })
+    }
+
+    fn contact(&self, table: &Spanned<ContactTable>) -> Placed<ContactRules> {
+        let contact = table.get_ref();
+        let SchemeName::Geometric = contact.scheme;
+        let friction_span = contact.friction.as_ref().map(Spanned::span);
+        let law = match (&contact.law, &contact.friction) {
+            (LawName::Sliding, _) => {
+                self.no_effect("contact.friction", friction_span, "`contact.law = \"sliding\"`")?;
+                Law::Sliding
+            }
+            (LawName::Sticking, _) => {
+                self.no_effect("contact.friction", friction_span, "`contact.law = \"sticking\"`")?;
+                Law::Sticking
+            }
+            (LawName::StickSlip, Some(friction)) => {
+                Law::StickSlip { friction: self.number("contact.friction", friction, Sign::NonNegative)? }
+            }
+            (LawName::StickSlip, None) => {
+                return Err(self.error(Problem::Missing("contact.friction"), table.span()));
+            }
+        };
+        Ok(ContactRules {
+            law,
+            surface: match contact.surface {
+                SurfaceName::Faceted => ContactSurface::Faceted,
+                SurfaceName::Shaded => ContactSurface::Shaded,
+            },
+            deformation: match contact.deformation {
+                DeformationName::Rigid => Deformation::Rigid,
+                DeformationName::LeastNorm => Deformation::LeastNorm,
+            },
+            metric: match contact.metric {
+                MetricName::Euclidean => Metric::Euclidean,
+                MetricName::Mass => Metric::Mass,
+            },
+            wall: Wall {
+                stiffness: self.number_or(
+                    "contact.wall_stiffness",
+                    &contact.wall_stiffness,
+                    1000.0,
+                    Sign::NonNegative,
+                )?,
+                damping: self.number_or("contact.wall_damping", &contact.wall_damping, 0.0, Sign::NonNegative)?,
+            },
+        })
+    }
+
+    fn instrument(&self, table: &Spanned<InstrumentTable>, folder: &Path) -> Placed<TipPath> {
+        let InstrumentTable { kind, waypoints, file } = table.get_ref();
+        match kind {
+            InstrumentKind::Path => {
+                let key = "instrument.waypoints";
+                let span = file.as_ref().map(Spanned::span);
+                self.no_effect("instrument.file", span, "`instrument.kind = \"path\"`")?;
+                let list = waypoints
+                    .as_ref()
+                    .ok_or_else(|| self.error(Problem::Missing(key), table.span()))?;
+                let mut path = Vec::with_capacity(list.get_ref().len());
+                for waypoint in list.get_ref() {
+                    let &[time, x, y, z] = waypoint.get_ref().as_slice() else {
+                        let value = format!("{:?}: four numbers are needed", waypoint.get_ref());
+                        return Err(self.error(Problem::NotAccepted { key, value }, waypoint.span()));
+                    };
+                    path.push(Waypoint { time, position: Vec3::new(x, y, z) });
+                }
+                TipPath::new(path).map_err(|error| self.error(Problem::Path { key, error }, list.span()))
+            }
+            InstrumentKind::Recording => {
+                let key = "instrument.file";
+                let span = waypoints.as_ref().map(Spanned::span);
+                self.no_effect("instrument.waypoints", span, "`instrument.kind = \"recording\"`")?;
+                let file = file.as_ref().ok_or_else(|| self.error(Problem::Missing(key), table.span()))?;
+                TipPath::from_csv(&folder.join(file.get_ref()))
+                    .map_err(|error| self.error(Problem::Path { key, error }, file.span()))
+            }
+        }
+    }
+
+    fn number(&self, key: &'static str, value: &Spanned<f64>, sign: Sign) -> Placed<f64> {
+        self.check(key, *value.get_ref(), value.span(), sign)
+    }
+
+    fn number_or(&self, key: &'static str, value: &Option<Spanned<f64>>, default: f64, sign: Sign) -> Placed<f64> {
+        value.as_ref().map_or(Ok(default), |value| self.number(key, value, sign))
+    }
+
+    fn check(&self, key: &'static str, value: f64, span: Range<usize>, sign: Sign) -> Placed<f64> {
+        let in_range = match sign {
+            Sign::Positive => value > 0.0,
+            Sign::NonNegative => value >= 0.0,
+        };
+        if value.is_finite() && in_range {
+            return Ok(value);
+        }
+        Err(self.error(Problem::NotAccepted { key, value: value.to_string() }, span))
+    }
+
+    fn count_or(&self, key: &'static str, value: &Option<Spanned<u32>>, default: u32) -> Placed<u32> {
+        match value {
+            None => Ok(default),
+            Some(value) if *value.get_ref() >= 1 => Ok(*value.get_ref()),
+            Some(value) => {
+                let problem = Problem::NotAccepted { key, value: value.get_ref().to_string() };
+                Err(self.error(problem, value.span()))
+            }
+        }
+    }
+
+    fn no_effect(&self, key: &'static str, span: Option<Range<usize>>, because: &'static str) -> Placed<()> {
+        match span {
+            Some(span) => Err(self.error(Problem::NoEffect { key, because }, span)),
+            None => Ok(()),
+        }
+    }
+}
