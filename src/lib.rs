@@ -65,8 +65,8 @@ pub mod pipeline;
 
 pub mod output;
 
-
-
+#[cfg(feature = "cli")]
+pub mod cli;
 
 /// A point, vector, velocity or force.
 pub type Vec3 = nalgebra::Vector3<f64>;

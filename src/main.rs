@@ -1,1 +1,7 @@
-fn main(){}
+//! The `stickslip` program.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    stickslip::cli::main()
+}

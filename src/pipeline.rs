@@ -65,6 +65,8 @@ pub struct Simulation {
     ticks_per_cycle: u64,
     latency_ticks: u64,
     keep: Keep,
+    /// The whole network runs at the local rate: there are no cycles and no model to age.
+    is_full: bool,
 }
 
 impl Simulation {
@@ -109,6 +111,7 @@ impl Simulation {
             ticks_per_cycle: u64::from(scene.ticks_per_cycle),
             latency_ticks: u64::from(scene.global.latency_ticks),
             keep: if replays { Keep::Path } else { Keep::End },
+            is_full: scene.is_full,
         })
     }
 
@@ -140,12 +143,12 @@ impl Simulation {
     pub fn run(mut self, mut observe: impl FnMut(&TickView)) -> Result<(), Fault> {
         let mut trajectory = self.new_trajectory(0, self.ticks_per_cycle);
         let mut pending: Option<(u64, ModelMessage)> = None;
-        let mut energy = EnergyBook::default();
+        let mut energy = EnergyBook::new(if self.is_full { self.network.fixed_potential() } else { 0.0 });
         energy.take_stock(&self.local);
         let mut tip_before = self.path.at(0.0);
         for tick in 0..self.tick_count {
             let tick_in_cycle = tick % self.ticks_per_cycle;
-            if tick_in_cycle == 0 && tick > 0 {
+            if tick_in_cycle == 0 && tick > 0 && !self.is_full {
                 // Up: the cycle just past. Down: the model of the next, due after its latency.
                 let contact = self.local.contact();
                 let past = std::mem::replace(&mut trajectory, self.new_trajectory(0, self.ticks_per_cycle));
@@ -153,18 +156,20 @@ impl Simulation {
                 pending = Some((tick + self.latency_ticks, self.global.advance(&message)));
             }
             if let Some((_, model)) = pending.take_if(|(due, _)| *due == tick) {
-                self.local.hand_over(model.model, model.state, self.latency_ticks);
+                self.local.hand_over(model.model, model.state, self.latency_ticks, tip_before);
                 energy.take_stock(&self.local);
                 self.extend_trajectory(&mut trajectory, tick_in_cycle);
             }
 
-            let model_age = self.local.model_age();
+            let model_age = if self.is_full { 0 } else { self.local.model_age() };
             let time = (tick + 1) as f64 * self.tick;
             let tip = self.path.at(time);
             let report = self.local.tick(tip_before, tip);
             let force = self.failsafe.command(tick, tip, &self.local, &report)?;
 
-            trajectory.record(self.local.state());
+            if !self.is_full {
+                trajectory.record(self.local.state());
+            }
             energy.book(&self.local, &report, tip_before, tip, self.tick);
             let local = &self.local;
             observe(&TickView { tick, time, tip_before, tip, force, report: &report, local, model_age, energy: &energy });

@@ -172,11 +172,25 @@ impl LocalSimulation {
     /// Puts a new model to use, `latency` ticks after the state it was built from. Nodes of both
     /// patches go on from where they are; nodes that enter start at the new model's state. The old
     /// model comes back, so that whoever built it can dispose of it.
-    pub fn hand_over(&mut self, model: LocalModel, mut state: LocalState, latency: u64) -> (LocalModel, LocalState) {
+    ///
+    /// The exterior jumps to where the new model has it. If that puts a free tip inside, no motion
+    /// within a tick will ever show it to collision detection: the tip is taken to be in contact
+    /// with the nearest point, as after tension.
+    pub fn hand_over(
+        &mut self,
+        model: LocalModel,
+        mut state: LocalState,
+        latency: u64,
+        tip: Vec3,
+    ) -> (LocalModel, LocalState) {
         state.carry_over(&model.patch, &self.state, &self.model.patch);
         self.latency = latency;
         self.age = 0;
-        (std::mem::replace(&mut self.model, model), std::mem::replace(&mut self.state, state))
+        let before = (std::mem::replace(&mut self.model, model), std::mem::replace(&mut self.state, state));
+        if self.contact.is_none() && self.shape().signed_distance(tip) < 0.0 {
+            self.contact = self.shape().nearest(tip).map(|point| Contact { point, grip: Grip::Tension });
+        }
+        before
     }
 
     /// The model in use.

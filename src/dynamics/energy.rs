@@ -30,15 +30,22 @@ pub struct EnergyBook {
     /// Change of kinetic, elastic and gravitational energy within ticks.
     pub stored: f64,
     power: f64,
+    /// Potential energy of what never moves.
+    ground: f64,
 }
 
 impl EnergyBook {
+    /// An empty book; `ground` is the potential energy of fixed nodes that are to be counted in, J.
+    pub fn new(ground: f64) -> Self {
+        Self { ground, ..Self::default() }
+    }
+
     /// Takes stock of a model that has just come into use.
     pub fn take_stock(&mut self, local: &LocalSimulation) {
         let (model, state) = (local.model(), local.state());
         self.kinetic = model.kinetic_energy(&state.v);
         self.elastic = model.elastic_energy(&state.x);
-        self.gravitational = model.gravitational_energy(&state.x);
+        self.gravitational = self.ground + model.gravitational_energy(&state.x);
         self.power = model.dissipated_power(&state.x, &state.v);
     }
 

@@ -260,11 +260,10 @@ impl LocalModel {
 
     /// Energy of the patch's nodes in the gravity field, zero at z = 0 of a downward g, J.
     pub fn gravitational_energy(&self, x: &[Vec3]) -> f64 {
-        let each = |force: &ExternalForce| match force {
-            ExternalForce::Gravity(g) => -self.patch.mass.iter().zip(x).map(|(m, x)| m * g.dot(x)).sum::<f64>(),
-            ExternalForce::Drag(_) => 0.0,
-        };
-        self.external.iter().map(each).sum()
+        let nodes = || self.patch.mass.iter().zip(x);
+        // Not `sum()`, whose empty value is −0.
+        let of = |force: &ExternalForce| nodes().fold(0.0, |sum, (mass, x)| sum + force.potential(*mass, x));
+        self.external.iter().fold(0.0, |sum, force| sum + of(force))
     }
 
     /// ½ Σ m v², J.

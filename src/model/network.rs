@@ -19,6 +19,14 @@ pub enum ExternalForce {
 }
 
 impl ExternalForce {
+    /// Potential energy of a node, zero at z = 0 of a downward g, J.
+    pub fn potential(&self, mass: f64, x: &Vec3) -> f64 {
+        match self {
+            ExternalForce::Gravity(g) => -mass * g.dot(x),
+            ExternalForce::Drag(_) => 0.0,
+        }
+    }
+
     /// Adds the force on every node.
     pub fn add(&self, mass: &[f64], v: &[Vec3], f: &mut [Vec3]) {
         match self {
@@ -150,6 +158,13 @@ impl Network {
     /// The state in which no spring is stretched and nothing moves.
     pub fn rest_state(&self) -> State {
         State { x: self.rest.clone(), v: vec![Vec3::zeros(); self.rest.len()] }
+    }
+
+    /// Potential energy of the nodes that never move, J.
+    pub fn fixed_potential(&self) -> f64 {
+        let nodes = self.fixed.iter().zip(&self.mass).zip(&self.rest).filter(|((fixed, _), _)| **fixed);
+        let potential = |mass: f64, x: &Vec3| self.external.iter().fold(0.0, |sum, force| sum + force.potential(mass, x));
+        nodes.fold(0.0, |sum, ((_, mass), x)| sum + potential(*mass, x))
     }
 
     /// f(x, v) of (1), N. Fixed nodes get a force too; their M⁻¹ is zero.

@@ -3,6 +3,7 @@
 mod error;
 mod file;
 mod keys;
+mod parts;
 mod shipped;
 mod validate;
 
@@ -13,6 +14,7 @@ use miette::NamedSource;
 
 pub use error::{Problem, SceneError};
 pub use keys::KEYS;
+pub use parts::Part;
 pub use shipped::{Expectation, SHIPPED, Shipped};
 
 use crate::contact::tick::ContactRules;

@@ -1,0 +1,11 @@
+//! Properties that hold for every network, contact and run. Each test prints the largest residual it
+//! saw beside its tolerance; every comparison is written so that NaN fails.
+
+mod check;
+mod contact;
+mod linearization;
+mod multirate;
+mod network;
+mod operators;
+mod rest;
+mod stability;

@@ -1,0 +1,107 @@
+//! The predicted limit of an explicit step against the spectral radius of the one-step matrix, and
+//! against what happens.
+
+use nalgebra::DMatrix;
+use stickslip::Vec3;
+use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper, Unconstrained};
+use stickslip::dynamics::stability::explicit_step_limit;
+use stickslip::model::mesh::{Block, Stencil};
+use stickslip::model::network::{ExternalForce, Material, Network};
+
+use crate::check::Worst;
+use crate::network::dense_jacobian;
+
+fn network(damping: f64, drag: f64) -> Network {
+    let block = Block { nodes: [3, 3, 3], spacing: 0.0125, stencil: Stencil::Shear };
+    let mesh = block.mesh();
+    let count = mesh.nodes.len();
+    let material = Material {
+        node_mass: (0..count).map(|i| 0.01 * (1.0 + (i % 5) as f64)).collect(),
+        stiffness: 100.0,
+        damping,
+        drag,
+        gravity: Vec3::zeros(),
+    };
+    Network::new(&mesh, &material, (0..count).map(|i| block.is_bottom(i)).collect())
+}
+
+/// Largest |eigenvalue| of one step of semi-implicit Euler over the free nodes.
+fn spectral_radius(network: &Network, h: f64) -> f64 {
+    let (k, d) = dense_jacobian(network);
+    let free: Vec<usize> = (0..k.nrows()).filter(|i| !network.fixed[i / 3]).collect();
+    let n = free.len();
+    let drag = network.external.iter().map(|force| match force {
+        ExternalForce::Drag(b) => *b,
+        ExternalForce::Gravity(_) => 0.0,
+    });
+    let drag: f64 = drag.sum();
+    let scaled = |matrix: &DMatrix<f64>, diagonal: f64| {
+        DMatrix::from_fn(n, n, |i, j| {
+            let value = matrix[(free[i], free[j])] - if i == j { diagonal } else { 0.0 };
+            value * network.inverse_mass[free[i] / 3]
+        })
+    };
+    let (a, b) = (scaled(&k, 0.0), scaled(&d, drag));
+    let identity = DMatrix::<f64>::identity(n, n);
+    let velocity_from_x = &a * h;
+    let velocity_from_v = &identity + &b * h;
+    let mut step = DMatrix::zeros(2 * n, 2 * n);
+    step.view_mut((n, 0), (n, n)).copy_from(&velocity_from_x);
+    step.view_mut((n, n), (n, n)).copy_from(&velocity_from_v);
+    step.view_mut((0, 0), (n, n)).copy_from(&(&identity + &velocity_from_x * h));
+    step.view_mut((0, n), (n, n)).copy_from(&(&velocity_from_v * h));
+    step.complex_eigenvalues().iter().map(|value| value.norm()).fold(0.0, f64::max)
+}
+
+#[test]
+fn predicted_limit_is_where_the_spectral_radius_reaches_one() {
+    // Power iteration's Rayleigh quotient after 400 steps, and the width of the bracket. Measured:
+    // the bracket holds at 1e-5.
+    let bracket = 1e-4;
+    for (damping, drag) in [(0.0, 0.0), (0.5, 0.0), (0.5, 0.4), (3.0, 0.0)] {
+        let network = network(damping, drag);
+        let limit = explicit_step_limit(&network.springs, &network.rest, &network.inverse_mass, drag).step;
+        let below = spectral_radius(&network, limit * (1.0 - bracket));
+        let above = spectral_radius(&network, limit * (1.0 + bracket));
+        println!("RESIDUAL | one-step matrix | spectral radius at the limit, c = {damping}, b = {drag} | {bracket:.0e} | {:.1e} ms, {below:.6}..{above:.6}", 1e3 * limit);
+        // Undamped modes are on the unit circle at every stable step.
+        assert!(below <= 1.0 + 1e-9, "c = {damping}, b = {drag}: {below} just below the limit");
+        assert!(above > 1.0 + 1e-6, "c = {damping}, b = {drag}: {above} just above the limit");
+    }
+}
+
+#[test]
+fn proportional_damping_has_its_closed_form() {
+    // ω_max of the power iteration against that of a dense eigenvalue. Measured: 1e-15.
+    let worst = Worst::new("closed form", "2(√(1+ζ²)-ζ)/ω_max, relative", 1e-9);
+    for damping in [0.0, 0.5, 3.0] {
+        let network = network(damping, 0.0);
+        let (k, _) = dense_jacobian(&network);
+        let dof = k.nrows();
+        let root = |i: usize| network.inverse_mass[i / 3].sqrt();
+        let stiffness = DMatrix::from_fn(dof, dof, |i, j| -k[(i, j)] * root(i) * root(j));
+        let omega = stiffness.symmetric_eigenvalues().max().sqrt();
+        let zeta = damping * omega / 200.0;
+        let expected = 2.0 * ((1.0 + zeta * zeta).sqrt() - zeta) / omega;
+        let limit = explicit_step_limit(&network.springs, &network.rest, &network.inverse_mass, 0.0);
+        worst.check((limit.step / expected - 1.0).abs());
+    }
+}
+
+/// What the limit promises: a poke dies out just below it and grows just above.
+#[test]
+fn the_limit_separates_decay_from_growth() {
+    let network = network(0.5, 0.0);
+    let limit = explicit_step_limit(&network.springs, &network.rest, &network.inverse_mass, 0.0).step;
+    let grown = |h: f64| {
+        let mut state = network.rest_state();
+        (0..27).for_each(|i| state.v[i] += Vec3::new((i as f64).sin(), (2.0 * i as f64).sin(), 0.1) * 1e-6);
+        state.v.iter_mut().zip(&network.fixed).filter(|(_, fixed)| **fixed).for_each(|(v, _)| *v = Vec3::zeros());
+        let mut stepper = Stepper::new(&network);
+        (0..3000).for_each(|_| stepper.step(GlobalIntegrator::SemiImplicitEuler, &network, &mut state, h, &Unconstrained));
+        state.v.iter().map(Vec3::norm).fold(0.0, f64::max)
+    };
+    assert!(grown(0.99 * limit) < 1e-8, "just below: {:e}", grown(0.99 * limit));
+    let above = grown(1.02 * limit);
+    assert!(!(above < 1e-3), "just above: {above:e}");
+}

@@ -1,0 +1,202 @@
+"""The multi-rate run: local ticks, and at every cycle boundary the global network, a new local model and the hand-over."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from . import local_model, operators
+from . import network as net
+from .scene import SceneError
+from .surface import Surface
+from .tick import RIGID_BELOW, State, advance
+
+RUNAWAY_DIAGONALS = 10.0  # a node this many bounding-box diagonals from its rest place has run away
+
+
+@dataclass
+class Row:
+    """One line of the trace, and what comparisons need besides."""
+
+    q: np.ndarray
+    result: object
+    energies: tuple
+    work: float
+    model_age: int
+
+
+@dataclass
+class Run:
+    """Rows of a run; `fault` says why it ended early, at the tick after the last row."""
+
+    h: float
+    rows: list = field(default_factory=list)
+    fault: str | None = None
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """One tick of the patch then in use, for the replay: states at its start and its end."""
+
+    patch: np.ndarray
+    x: tuple
+    v: tuple
+
+    def at(self, share):
+        """Positions and velocities at a share of the tick, linear between its ends."""
+        return tuple((1.0 - share) * start + share * end for start, end in (self.x, self.v))
+
+
+def run(scene, network):
+    """Run a scene on a network, lockstep in virtual time."""
+    surface = Surface(network.triangles, shaded=scene["contact"].surface == "shaded")
+    if not surface.outside(scene.tip(0), network.nodes):
+        raise SceneError("the tip is inside the surface at t = 0")
+    full = scene["local"].model == "full"
+    state = State(network.nodes.copy(), np.zeros_like(network.nodes))
+    shared = GlobalNetwork(scene, network, surface)
+    pending, model, work, age = None, None, 0.0, 0
+    if full:
+        model = local_model.FullModel(network)
+    result = Run(scene.h)
+    for tick in range(scene.ticks):
+        if not full and tick % scene.cycle_ticks == 0:
+            if tick > 0:
+                shared.advance_cycle(state, model)
+            pending = shared.linearise(state, tick, scene.tip(tick))
+        if pending and (tick - pending.tick == scene["sync"].latency_ticks or model is None):
+            state, model, pending, age = hand_over(state, model, pending, tick, scene.h), pending, None, 0
+        q0, q1 = scene.tip(tick), scene.tip(tick + 1)
+        before = state
+        state, report = advance(model, surface, scene["contact"], state, q0, q1, scene.h, (tick - model.tick) * scene.h)
+        result.fault = fault_in(network, state, report)
+        if result.fault:
+            break
+        shared.record(model.patch, before, state)
+        work -= report.force @ (q1 - q0)
+        result.rows.append(Row(q1, report, model.energies(state.x, state.v), work, age))
+        age += 0 if full else 1
+    return result
+
+
+def hand_over(state, old, new, tick, h):
+    """Nodes of both patches go on from the local model; all others start where the new model has them."""
+    elapsed = (tick - new.tick) * h
+    x = np.where(new.moves[:, None], new.x0, new.x0 + elapsed * new.v0)
+    v = new.v0.copy()
+    if old is not None:
+        stays = old.moves & new.moves
+        x[stays], v[stays] = state.x[stays], state.v[stays]
+    return State(x, v, state.contact)
+
+
+def fault_in(network, state, report):
+    """Why the run must end, or None. Written so that a NaN is a fault."""
+    if not np.isfinite(report.force).all():
+        return "the force is not finite"
+    if not (np.isfinite(state.x).all() and np.isfinite(state.v).all()):
+        return "the state is not finite"
+    distance = np.linalg.norm(state.x - network.nodes, axis=1).max()
+    if not distance <= RUNAWAY_DIAGONALS * network.diagonal:
+        return f"a node is {distance:.3g} m from its rest place"
+    return None
+
+
+class GlobalNetwork:
+    """The whole network, integrated over the cycle just past at every boundary."""
+
+    def __init__(self, scene, network, surface):
+        self.scene, self.network, self.surface = scene, network, surface
+        self.x, self.v = network.nodes.copy(), np.zeros_like(network.nodes)
+        self.ticks = []
+        self.contact = None  # at the boundary before
+
+    def record(self, patch, before, after):
+        if self.scene["local"].model == "patch":
+            self.ticks.append(Recorded(patch, (before.x[patch], after.x[patch]), (before.v[patch], after.v[patch])))
+
+    def linearise(self, state, tick, tip):
+        """A local model from the state now, around the contact point, or the tip when there is none."""
+        self.contact = state.contact
+        anchor, nodes = tip, ()
+        if state.contact is not None:
+            anchor = self.surface.position(state.contact.point, self.x)
+            nodes = self.network.triangles[state.contact.point.triangle]
+        return local_model.build(self.network, self.scene["local"], self.x.copy(), self.v, tick, anchor, nodes)
+
+    def advance_cycle(self, state, model):
+        """Bring the network to the present boundary, and take the patch's state from the local model."""
+        count = self.scene["global"].substeps
+        step = self.scene.cycle_ticks * self.scene.h / count
+        replay = self.scene["sync"].mode == "replay"
+        project = None if replay else self.contact_projection()
+        self.v = project(self.v) if project else self.v
+        for number in range(count):
+            def prescribe(share, start=number):
+                return self.patch_at((start + share) / count, from_left=share > 0.0)
+            integrate(self.network, self, step, self.scene["global"].integrator, prescribe if replay else None, project)
+        self.x[model.patch], self.v[model.patch] = state.x[model.patch], state.v[model.patch]
+        self.ticks = []
+
+    def patch_at(self, share, from_left):
+        """Patch nodes and their recorded state at a share of the cycle; at a tick's end, of that tick if `from_left`."""
+        position = share * len(self.ticks)
+        whole = round(position)
+        if abs(position - whole) <= 1e-9:
+            position = float(whole)
+        number = int(np.ceil(position)) - 1 if from_left else int(np.floor(position))
+        tick = self.ticks[number]
+        return (tick.patch, *tick.at(position - number))
+
+    def contact_projection(self):
+        """P (10) at the contact of the boundary before, as a function on velocities; None if nothing pressed then."""
+        contact = self.contact
+        if contact is None or contact.tension:
+            return None
+        support = self.network.triangles[contact.point.triangle]
+        free = ~self.network.fixed[support]
+        nodes, weights = support[free], contact.point.weights[free]
+        if weights.sum() < RIGID_BELOW:
+            return None
+        mass = self.network.mass[nodes] if self.scene["contact"].metric == "mass" else None
+        P = operators.literal(len(nodes), np.arange(len(nodes)), weights, np.array([0.0, 0.0, 1.0]), mass).P
+
+        def project(v):
+            projected = v.copy()
+            projected[nodes] = (P @ v[nodes].ravel()).reshape(-1, 3)
+            return projected
+        return project
+
+
+def integrate(network, state, step, integrator, prescribe=None, project=None):
+    """One step of the network, in place on state.x and state.v.
+
+    `prescribe(share)` gives nodes, positions and velocities that are imposed at a share of the step; `project` keeps
+    velocities and accelerations in the constraint.
+    """
+    def hold(x, v, share):
+        if prescribe is None:
+            return x, v
+        nodes, place, speed = prescribe(share)
+        x, v = x.copy(), v.copy()
+        x[nodes], v[nodes] = place, speed
+        return x, v
+
+    def acceleration(x, v):
+        a = network.inverse_mass[:, None] * net.forces(network, x, v)
+        return project(a) if project else a
+
+    x, v = hold(state.x, state.v, 0.0)
+    if integrator == "semi-implicit-euler":  # (11)
+        v_new = v + step * acceleration(x, v)
+        x_new = x + step * v_new
+    else:
+        def slope(share, dx, dv):
+            xs, vs = hold(x + share * step * dx, v + share * step * dv, share)
+            return vs, acceleration(xs, vs)
+        k1 = slope(0.0, 0.0, 0.0)
+        k2 = slope(0.5, *k1)
+        k3 = slope(0.5, *k2)
+        k4 = slope(1.0, *k3)
+        x_new, v_new = (start + step / 6.0 * (a + 2.0 * b + 2.0 * c + d)
+                        for start, a, b, c, d in zip((x, v), k1, k2, k3, k4))
+    state.x, state.v = hold(x_new, v_new, 1.0)

@@ -1,0 +1,138 @@
+"""Scene files: TOML with defaults filled in, and the instrument's path."""
+
+import csv
+import tomllib
+from pathlib import Path
+
+import numpy as np
+
+
+class SceneError(Exception):
+    """A scene, network or trace that cannot be used."""
+
+
+REQUIRED = object()
+OPTIONAL = None
+
+# section -> key -> default. REQUIRED has none; OPTIONAL keys stay None when the scene does not give them.
+DEFAULTS = {
+    "mesh": {"kind": "block", "nodes": OPTIONAL, "spacing": OPTIONAL, "stencil": "shear", "fixed": "bottom",
+             "path": OPTIONAL, "scale": 1.0},
+    "material": {"node_mass": OPTIONAL, "density": OPTIONAL, "stiffness": OPTIONAL, "young_modulus": OPTIONAL,
+                 "damping": REQUIRED, "gravity": [0.0, 0.0, 0.0], "drag": 0.0},
+    "global": {"rate": 10.0, "integrator": "semi-implicit-euler", "substeps": 100},
+    "local": {"rate": 1000.0, "model": "patch", "rings": 1, "linearization": "tangent", "exterior": "fixed",
+              "tangent": "exact", "integrator": "semi-implicit-euler", "condense_rings": "all"},
+    "contact": {"law": REQUIRED, "friction": OPTIONAL, "scheme": "geometric", "surface": "faceted",
+                "deformation": "rigid", "metric": "euclidean", "wall_stiffness": 1000.0, "wall_damping": 0.0},
+    "instrument": {"kind": "path", "waypoints": OPTIONAL, "file": OPTIONAL},
+    "sync": {"mode": "replay", "latency_ticks": 0},
+    "run": {"schedule": "lockstep"},
+}
+
+# What this reference implements; anything else is refused rather than approximated.
+COVERED = {
+    ("global", "integrator"): ("semi-implicit-euler", "rk4"),
+    ("local", "model"): ("patch", "full"),
+    ("local", "linearization"): ("tangent", "none"),
+    ("local", "exterior"): ("fixed", "drifting", "condensed"),
+    ("local", "tangent"): ("exact", "stabilised"),
+    ("local", "integrator"): ("semi-implicit-euler",),
+    ("contact", "law"): ("sliding", "sticking", "stick-slip"),
+    ("contact", "scheme"): ("geometric",),
+    ("contact", "surface"): ("faceted", "shaded"),
+    ("contact", "deformation"): ("rigid", "least-norm"),
+    ("contact", "metric"): ("euclidean", "mass"),
+    ("instrument", "kind"): ("path", "recording"),
+    ("sync", "mode"): ("replay", "overwrite"),
+    ("run", "schedule"): ("lockstep",),
+}
+
+
+class Section(dict):
+    """A scene section whose keys read as attributes."""
+
+    __getattr__ = dict.__getitem__
+
+
+class Scene:
+    """A scene with every default applied. `h` is the local tick in seconds, `cycle_ticks` the ticks of a cycle."""
+
+    def __init__(self, table, folder="."):
+        unknown = set(table) - set(DEFAULTS) - {"name", "duration"}
+        if unknown:
+            raise SceneError(f"unknown keys: {sorted(unknown)}")
+        for section in ("mesh", "material", "contact", "instrument"):
+            if section not in table:
+                raise SceneError(f"[{section}] is missing")
+        try:
+            self.name, self.duration = table["name"], float(table["duration"])
+        except KeyError as key:
+            raise SceneError(f"{key} is missing") from None
+        self.sections = {name: fill(name, table.get(name, {})) for name in DEFAULTS}
+        for (section, key), values in COVERED.items():
+            value = self.sections[section][key]
+            if value not in values:
+                raise SceneError(f"{section}.{key} = {value!r}: the reference covers {', '.join(values)}")
+
+        self.h = 1.0 / self["local"].rate
+        self.ticks = whole(self.duration * self["local"].rate, "duration must be a whole number of ticks")
+        ticks = self["local"].rate / self["global"].rate
+        self.cycle_ticks = whole(ticks, "local.rate must be a multiple of global.rate")
+        if not 0 <= self["sync"].latency_ticks < self.cycle_ticks:
+            raise SceneError("sync.latency_ticks must be less than a cycle")
+        if (self["contact"].law == "stick-slip") != (self["contact"].friction is not None):
+            raise SceneError("contact.friction goes with law = \"stick-slip\", and only with it")
+        self.waypoints = read_waypoints(self["instrument"], Path(folder))
+
+    def __getitem__(self, section):
+        return self.sections[section]
+
+    def tip(self, tick):
+        """Instrument tip at the start of `tick` (its end is the start of the next)."""
+        t = tick * self.h
+        return np.array([np.interp(t, self.waypoints[:, 0], self.waypoints[:, axis]) for axis in (1, 2, 3)])
+
+
+def load(path):
+    """Read a scene file."""
+    try:
+        with open(path, "rb") as file:
+            table = tomllib.load(file)
+    except (OSError, tomllib.TOMLDecodeError) as error:
+        raise SceneError(f"{path}: {error}") from None
+    return Scene(table, Path(path).parent)
+
+
+def fill(name, given):
+    defaults = DEFAULTS[name]
+    unknown = set(given) - set(defaults)
+    if unknown:
+        raise SceneError(f"unknown keys in [{name}]: {sorted(unknown)}")
+    section = Section(defaults) | given
+    missing = [key for key, value in section.items() if value is REQUIRED]
+    if missing:
+        raise SceneError(f"[{name}] needs {', '.join(missing)}")
+    return Section(section)
+
+
+def whole(value, message):
+    rounded = round(value)
+    if rounded < 1 or not abs(value - rounded) <= 1e-9 * rounded:
+        raise SceneError(message)
+    return rounded
+
+
+def read_waypoints(instrument, folder):
+    """Rows t, x, y, z of a path or of a recording."""
+    if instrument.kind == "recording":
+        with open(folder / instrument.file, newline="") as file:
+            rows = list(csv.reader(file))
+        if rows[0] != ["t", "x", "y", "z"]:
+            raise SceneError(f"{instrument.file}: the header must be t,x,y,z")
+        points = np.array(rows[1:], dtype=float)
+    else:
+        points = np.array(instrument.waypoints, dtype=float)
+    if points.ndim != 2 or points.shape[1] != 4 or not np.isfinite(points).all() or not (np.diff(points[:, 0]) > 0).all():
+        raise SceneError("waypoints must be finite rows t, x, y, z with increasing t")
+    return points

@@ -1,0 +1,223 @@
+//! `stickslip explain`: what a scene needs before it runs.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::{PASS, load};
+use crate::dynamics::global::SyncMode;
+use crate::dynamics::integrators::GlobalIntegrator;
+use crate::dynamics::stability::{StepLimit, explicit_step_limit};
+use crate::model::local::Linearization;
+use crate::pipeline::Simulation;
+use crate::scene::Scene;
+
+#[derive(Serialize)]
+struct Explanation {
+    scene: String,
+    sizes: Sizes,
+    needed: Vec<String>,
+    left_out: Vec<String>,
+    cost_per_tick: TickCost,
+    cost_per_cycle: CycleCost,
+    local_step: Step,
+    global_step: Step,
+    warnings: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct Sizes {
+    nodes: usize,
+    fixed_nodes: usize,
+    springs: usize,
+    surface_triangles: usize,
+    ticks: u64,
+    ticks_per_cycle: u32,
+    patch_nodes: usize,
+    patch_springs: usize,
+    patch_triangles: usize,
+}
+
+#[derive(Serialize)]
+struct TickCost {
+    /// Rows and columns of [K D], if the forces are linear.
+    matrix: Option<[usize; 2]>,
+    /// Springs evaluated, if they are not.
+    springs: Option<usize>,
+    /// Moving triangles that a free tick sweeps; the others are in a tree of boxes.
+    swept_triangles: usize,
+    boxed_triangles: usize,
+}
+
+#[derive(Serialize)]
+struct CycleCost {
+    force_evaluations: u32,
+    springs: usize,
+    new_models: u32,
+}
+
+#[derive(Serialize)]
+struct Step {
+    step_s: f64,
+    limit_s: Option<f64>,
+    omega_max_rad_s: f64,
+}
+
+impl Step {
+    fn new(step_s: f64, limit: StepLimit) -> Self {
+        Self { step_s, limit_s: limit.step.is_finite().then_some(limit.step), omega_max_rad_s: limit.omega }
+    }
+
+    fn is_beyond(&self) -> bool {
+        self.limit_s.is_some_and(|limit| self.step_s > limit)
+    }
+
+    fn text(&self) -> String {
+        match self.limit_s {
+            Some(limit) => format!(
+                "{:.3} ms; stable up to {:.3} ms (2/ω_max alone would say {:.3} ms)",
+                1e3 * self.step_s,
+                1e3 * limit,
+                2e3 / self.omega_max_rad_s
+            ),
+            None => format!("{:.3} ms; no limit", 1e3 * self.step_s),
+        }
+    }
+}
+
+pub fn explain(scene: &Path, json: bool) -> miette::Result<u8> {
+    let explanation = explanation(&load(scene)?)?;
+    if json {
+        let text = serde_json::to_string_pretty(&explanation).map_err(|error| miette::miette!("{error}"))?;
+        println!("{text}");
+    } else {
+        print(&explanation);
+    }
+    Ok(PASS)
+}
+
+fn explanation(scene: &Scene) -> miette::Result<Explanation> {
+    let simulation = Simulation::prepare(scene)?;
+    let (network, model) = (simulation.network(), simulation.local().model());
+    let patch = &model.patch;
+    let sizes = Sizes {
+        nodes: network.node_count(),
+        fixed_nodes: network.fixed.iter().filter(|&&fixed| fixed).count(),
+        springs: network.springs.len(),
+        surface_triangles: model.surface.triangles.len(),
+        ticks: scene.tick_count,
+        ticks_per_cycle: scene.ticks_per_cycle,
+        patch_nodes: patch.len(),
+        patch_springs: patch.springs.len(),
+        patch_triangles: patch.triangles.len(),
+    };
+    let linear = matches!(scene.local.linearization, Linearization::Tangent(_));
+    let columns = if patch.springs.is_damped() || scene.material.drag != 0.0 { 6 } else { 3 };
+    let cost_per_tick = TickCost {
+        matrix: linear.then_some([3 * patch.len(), columns * patch.len()]),
+        springs: (!linear).then_some(patch.springs.len()),
+        swept_triangles: patch.triangles.len(),
+        boxed_triangles: model.surface.triangles.len() - patch.triangles.len(),
+    };
+    let stages = match scene.global.integrator {
+        GlobalIntegrator::SemiImplicitEuler => 1,
+        GlobalIntegrator::Rk4 => 4,
+    };
+    let integrates = scene.parts().iter().any(|part| part.name == "replay of the patch's path" && part.needed)
+        || (scene.global.sync == SyncMode::Overwrite && !scene.is_full);
+    let evaluations = if integrates { stages * scene.global.substeps } else { 0 };
+    let cost_per_cycle = CycleCost {
+        force_evaluations: evaluations,
+        springs: network.springs.len(),
+        new_models: u32::from(!scene.is_full),
+    };
+
+    let drag = scene.material.drag;
+    let mut held = patch.inverse_mass.clone();
+    held.resize(patch.len() + patch.boundary.len(), 0.0);
+    let local_limit = explicit_step_limit(&patch.springs, &simulation.local().state().x, &held, drag);
+    let global_limit = explicit_step_limit(&network.springs, &network.rest, &network.inverse_mass, drag);
+    let local_step = Step::new(scene.tick, local_limit);
+    let global_step = Step::new(1.0 / (scene.global.rate * f64::from(scene.global.substeps)), global_limit);
+
+    let parts = scene.parts();
+    let named = |needed: bool| parts.iter().filter(|part| part.needed == needed).map(ToString::to_string).collect();
+    let warnings = warnings(scene, &simulation, &local_step, integrates.then_some(&global_step));
+    Ok(Explanation {
+        scene: scene.name.clone(),
+        sizes,
+        needed: named(true),
+        left_out: named(false),
+        cost_per_tick,
+        cost_per_cycle,
+        local_step,
+        global_step,
+        warnings,
+    })
+}
+
+fn warnings(scene: &Scene, simulation: &Simulation, local: &Step, global: Option<&Step>) -> Vec<String> {
+    let mut warnings = Vec::new();
+    if local.is_beyond() {
+        warnings.push(format!("the local tick is beyond its stability limit: {}", local.text()));
+    }
+    if let Some(global) = global.filter(|global| global.is_beyond()) {
+        warnings.push(format!("the global substep is beyond its stability limit: {}", global.text()));
+    }
+    let model = simulation.local().model();
+    let patch = &model.patch;
+    if patch.len() < simulation.network().fixed.iter().filter(|&&fixed| !fixed).count() {
+        // From the patch's middle to its furthest surface node, at rest.
+        let on_surface: Vec<_> = (model.surface.vertex_node.iter().zip(&patch.vertex_slot))
+            .filter(|&(_, &slot)| slot != crate::model::patch::OUTSIDE)
+            .map(|(&node, _)| simulation.network().rest[node as usize])
+            .collect();
+        let middle = on_surface.iter().sum::<crate::Vec3>() / on_surface.len().max(1) as f64;
+        let reach = on_surface.iter().map(|x| (x - middle).norm()).fold(0.0, f64::max);
+        let way = scene.path.top_speed() / scene.global.rate;
+        if way > reach {
+            warnings.push(format!(
+                "the tip goes up to {:.1} mm in a global cycle and the patch reaches {:.1} mm: contact may leave the patch and become rigid",
+                1e3 * way,
+                1e3 * reach
+            ));
+        }
+    }
+    warnings
+}
+
+fn print(e: &Explanation) {
+    let Sizes { nodes, fixed_nodes, springs, surface_triangles, .. } = e.sizes;
+    println!("{}", e.scene);
+    println!("\nSizes");
+    println!("  network   {nodes} nodes ({fixed_nodes} fixed), {springs} springs, {surface_triangles} surface triangles");
+    println!(
+        "  patch     {} free nodes, {} springs, {} moving triangles (the first model; it follows the contact)",
+        e.sizes.patch_nodes, e.sizes.patch_springs, e.sizes.patch_triangles
+    );
+    println!("  time      {} ticks, {} per global cycle", e.sizes.ticks, e.sizes.ticks_per_cycle);
+    println!("\nIn the pipeline");
+    e.needed.iter().for_each(|part| println!("  + {part}"));
+    println!("\nLeft out");
+    e.left_out.iter().for_each(|part| println!("  - {part}"));
+    println!("\nCost per tick");
+    if let Some([rows, columns]) = e.cost_per_tick.matrix {
+        println!("  one {rows} × {columns} matrix–vector product ({} multiply–adds)", rows * columns);
+    }
+    if let Some(springs) = e.cost_per_tick.springs {
+        println!("  {springs} springs, twice in contact");
+    }
+    println!(
+        "  free: {} moving triangles swept, {} in a tree of boxes; in contact: the one below the tip",
+        e.cost_per_tick.swept_triangles, e.cost_per_tick.boxed_triangles
+    );
+    println!("\nCost per global cycle");
+    let CycleCost { force_evaluations, springs, new_models } = e.cost_per_cycle;
+    println!("  {force_evaluations} evaluations of {springs} springs, {new_models} new local model");
+    println!("\nExplicit steps");
+    println!("  local tick      {}", e.local_step.text());
+    println!("  global substep  {}", e.global_step.text());
+    for warning in &e.warnings {
+        println!("\nWarning: {warning}");
+    }
+}

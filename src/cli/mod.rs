@@ -1,0 +1,107 @@
+//! The command line: arguments in, exit code out. Nothing below this module reads arguments,
+//! prints, or ends the process.
+
+mod explain;
+mod progress;
+mod report;
+mod run;
+mod table;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::scene::{SHIPPED, Scene, SceneError};
+
+/// Everything went as it should.
+const PASS: u8 = 0;
+/// A verdict is FAIL, or a fault ended a run.
+const FAIL: u8 = 1;
+/// The arguments, a scene or a file is not as it should be.
+const USAGE: u8 = 2;
+
+#[derive(Debug, Parser)]
+#[command(
+    version,
+    about = "Verification and benchmarking testbed for multi-rate haptic simulation with stick-slip contact",
+    long_about = "Verification and benchmarking testbed for multi-rate haptic simulation with stick-slip contact.\n\n\
+        A nonlinear mass-spring-damper network runs at about 10 Hz; beside it a low-order local model does \
+        collision, stick-slip contact and force feedback at 1 kHz. Without a command, `report` runs the \
+        shipped scenes.",
+    after_help = after_help(),
+)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run scenes and write one report that opens in a browser
+    #[command(after_help = "Writes DIR/index.html with its figures inside, DIR/report.json, and for every \
+        scene the files of `run` in DIR/<scene>/.\n\nExample: stickslip report fig5-stick-slip my-scene.toml")]
+    Report {
+        /// Scene files or names of shipped scenes (default: all shipped scenes)
+        #[arg(value_name = "SCENE")]
+        scenes: Vec<PathBuf>,
+        /// Where the report goes
+        #[arg(long, value_name = "DIR", default_value = "reports")]
+        out: PathBuf,
+    },
+    /// Run one scene: trace, network, summary and force plot
+    #[command(after_help = "Writes trace.csv (a row per tick), network.json, summary.json and forces.svg.\n\n\
+        Exit code 0: it reached its duration; 1: a fault ended it (the rows before it are kept); \
+        2: the scene or the output folder is not as it should be.\n\nExample: stickslip run fig5-stick-slip --out /tmp/fig5")]
+    Run {
+        /// A scene file or the name of a shipped scene
+        scene: PathBuf,
+        /// Where the files go (default: reports/<scene name>)
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
+    /// Show what a scene needs, what is left out, what it costs and how long its steps may be
+    Explain {
+        /// A scene file or the name of a shipped scene
+        scene: PathBuf,
+        /// Print JSON instead of text
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+fn after_help() -> String {
+    let names: Vec<String> = SHIPPED.iter().map(|shipped| format!("  {}", shipped.name)).collect();
+    format!(
+        "Shipped scenes, which can be given by name:\n{}\n\nA first look:\n  stickslip explain fig5-stick-slip\n  \
+         stickslip run fig5-stick-slip --out /tmp/fig5\n\nExit codes: 0 pass; 1 a verdict is FAIL or a fault ended a \
+         run; 2 usage, scene or file error.",
+        names.join("\n")
+    )
+}
+
+/// Parses the arguments and does what they say.
+pub fn main() -> ExitCode {
+    let command = Arguments::parse().command;
+    let done = match command.unwrap_or(Command::Report { scenes: Vec::new(), out: "reports".into() }) {
+        Command::Report { scenes, out } => report::report(&scenes, &out),
+        Command::Run { scene, out } => run::run(&scene, out),
+        Command::Explain { scene, json } => explain::explain(&scene, json),
+    };
+    match done {
+        Ok(code) => ExitCode::from(code),
+        Err(error) => {
+            eprintln!("{error:?}");
+            ExitCode::from(USAGE)
+        }
+    }
+}
+
+/// A scene file, or else a shipped scene of that name.
+fn load(scene: &Path) -> Result<Scene, SceneError> {
+    let shipped = SHIPPED.iter().find(|shipped| scene.as_os_str() == shipped.name);
+    match shipped {
+        Some(shipped) if !scene.exists() => Scene::parse(shipped.text, scene),
+        _ => Scene::load(scene),
+    }
+}

@@ -1,0 +1,54 @@
+//! A progress bar on standard error for what takes longer than two seconds; none if that is not a
+//! terminal.
+
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// Work shorter than this goes without.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Counts ticks of one or several runs.
+pub struct Progress {
+    bar: ProgressBar,
+    start: Instant,
+    shown: bool,
+    done_before: u64,
+}
+
+impl Progress {
+    /// For this many ticks in all.
+    pub fn new(ticks: u64) -> Self {
+        let bar = ProgressBar::with_draw_target(Some(ticks), ProgressDrawTarget::hidden());
+        if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} ticks, {eta} left") {
+            bar.set_style(style);
+        }
+        Self { bar, start: Instant::now(), shown: false, done_before: 0 }
+    }
+
+    /// The next run begins.
+    pub fn begin(&mut self, name: &str) {
+        self.bar.set_message(name.to_owned());
+    }
+
+    /// Ticks done in this run.
+    pub fn set(&mut self, ticks: u64) {
+        if !self.shown && self.start.elapsed() > PATIENCE {
+            self.bar.set_draw_target(ProgressDrawTarget::stderr());
+            self.shown = true;
+        }
+        self.bar.set_position(self.done_before + ticks);
+    }
+
+    /// This run ended after its planned ticks, or before.
+    pub fn end(&mut self, planned: u64) {
+        self.done_before += planned;
+        self.bar.set_position(self.done_before);
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}

@@ -1,0 +1,168 @@
+//! Writing a run's files. Each appears under its name only when it is whole.
+
+use std::fs;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use miette::Diagnostic;
+use serde::Serialize;
+use tempfile::NamedTempFile;
+use thiserror::Error;
+
+use super::summary::{Recorder, Sample, Summary};
+use super::trace::TraceRow;
+use crate::device::failsafe::Fault;
+use crate::model::network::Network;
+use crate::model::surface::Surface;
+use crate::pipeline::{Simulation, TickView};
+use crate::scene::{Scene, SceneError};
+
+/// A file or folder that cannot be written.
+#[derive(Debug, Error, Diagnostic)]
+#[error("cannot write {path}: {source}")]
+#[diagnostic(help("give a folder that can be written with --out DIR"))]
+pub struct WriteError {
+    /// Which.
+    pub path: PathBuf,
+    /// Why.
+    pub source: io::Error,
+}
+
+/// Why a run left no files.
+#[derive(Debug, Error, Diagnostic)]
+pub enum RunFilesError {
+    /// The scene.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Scene(#[from] SceneError),
+    /// The output folder.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Write(#[from] WriteError),
+}
+
+/// A run that was done and written.
+#[derive(Debug)]
+pub struct FinishedRun {
+    /// In numbers; also `summary.json`.
+    pub summary: Summary,
+    /// Tick by tick.
+    pub samples: Vec<Sample>,
+    /// The fault that ended it, if one did.
+    pub fault: Option<Fault>,
+}
+
+/// Runs a scene and writes `trace.csv`, `network.json`, `summary.json` and, with plots, `forces.svg`
+/// into a folder. A fault ends the run; the rows before it are kept. `progress` is called with the
+/// number of ticks done.
+///
+/// # Errors
+/// If the scene cannot start, and then nothing is written; or a file cannot be.
+pub fn run_into(scene: &Scene, out: &Path, mut progress: impl FnMut(u64)) -> Result<FinishedRun, RunFilesError> {
+    let start = Instant::now();
+    let simulation = Simulation::prepare(scene)?;
+    let failed = |path: &Path| {
+        let path = path.to_owned();
+        move |source| WriteError { path, source }
+    };
+    fs::create_dir_all(out).map_err(failed(out))?;
+    write_json(&out.join("network.json"), &NetworkFile::new(simulation.network(), simulation.surface()))?;
+
+    let path = out.join("trace.csv");
+    let file = NamedTempFile::new_in(out).map_err(failed(&path))?;
+    let mut trace = csv::Writer::from_writer(BufWriter::new(file));
+    let mut recorder = Recorder::default();
+    let mut trouble = None;
+    let fault = simulation
+        .run(|view: &TickView| {
+            recorder.record(view);
+            if trouble.is_none()
+                && let Err(error) = trace.serialize(TraceRow::new(view))
+            {
+                trouble = Some(io::Error::other(error));
+            }
+            progress(view.tick + 1);
+        })
+        .err();
+    match trouble {
+        Some(error) => Err(error),
+        None => trace.into_inner().map_err(|error| io::Error::other(error.to_string())),
+    }
+    .and_then(|writer| writer.into_inner().map_err(|error| error.into_error()))
+    .and_then(|file| keep(file, &path))
+    .map_err(failed(&path))?;
+
+    let summary = recorder.summary(scene, fault.as_ref(), start.elapsed().as_secs_f64());
+    #[cfg(feature = "plots")]
+    {
+        let path = out.join("forces.svg");
+        let svg = super::plots::forces(&scene.name, recorder.samples()).map_err(failed(&path))?;
+        write_file(&path, svg.as_bytes())?;
+    }
+    write_json(&out.join("summary.json"), &summary)?;
+    Ok(FinishedRun { summary, samples: recorder.samples().to_vec(), fault })
+}
+
+/// Writes a whole file, or none.
+///
+/// # Errors
+/// If the folder cannot be written.
+pub fn write_file(path: &Path, content: &[u8]) -> Result<(), WriteError> {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    let write = || {
+        let mut file = NamedTempFile::new_in(folder)?;
+        file.write_all(content)?;
+        keep(file, path)
+    };
+    write().map_err(|source| WriteError { path: path.to_owned(), source })
+}
+
+/// Writes a value as indented JSON.
+///
+/// # Errors
+/// If the folder cannot be written.
+pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), WriteError> {
+    let mut json = serde_json::to_vec_pretty(value)
+        .map_err(|error| WriteError { path: path.to_owned(), source: io::Error::other(error) })?;
+    json.push(b'\n');
+    write_file(path, &json)
+}
+
+/// Gives a finished temporary file its name, readable like any other file.
+fn keep(file: NamedTempFile, path: &Path) -> io::Result<()> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        file.as_file().set_permissions(fs::Permissions::from_mode(0o644))?;
+    }
+    file.persist(path).map_err(|error| error.error)?;
+    Ok(())
+}
+
+/// `network.json`.
+#[derive(Debug, Serialize)]
+struct NetworkFile {
+    nodes: Vec<[f64; 3]>,
+    mass: Vec<f64>,
+    fixed: Vec<bool>,
+    /// (i, j, k, c, L).
+    springs: Vec<(u32, u32, f64, f64, f64)>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl NetworkFile {
+    fn new(network: &Network, surface: &Surface) -> Self {
+        Self {
+            nodes: network.rest.iter().map(|&x| x.into()).collect(),
+            mass: network.mass.clone(),
+            fixed: network.fixed.clone(),
+            springs: network
+                .springs
+                .iter()
+                .map(|s| (s.nodes[0], s.nodes[1], s.stiffness, s.damping, s.rest_length))
+                .collect(),
+            triangles: (0..surface.triangles.len() as u32).map(|t| surface.triangle_nodes(t)).collect(),
+        }
+    }
+}

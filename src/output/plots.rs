@@ -1,0 +1,70 @@
+//! Force over time, as the paper's Figures 3–5 draw it.
+
+use std::io;
+
+use plotters::element::DashedPathElement;
+use plotters::prelude::*;
+
+use super::summary::Sample;
+
+const SIZE: (u32, u32) = (900, 420);
+const NORMAL: RGBColor = RGBColor(24, 90, 157);
+const TANGENTIAL: RGBColor = RGBColor(200, 80, 30);
+/// Points per curve: more than the figure has columns of pixels.
+const POINTS: usize = 3000;
+
+/// Normal (solid) and tangential (dotted) force over time, as an SVG document.
+///
+/// # Errors
+/// If the plotting library cannot draw it.
+pub fn forces(title: &str, samples: &[Sample]) -> io::Result<String> {
+    let mut svg = String::new();
+    draw(&mut svg, title, samples).map_err(|error| io::Error::other(error.to_string()))?;
+    Ok(svg)
+}
+
+type Drawn = Result<(), Box<dyn std::error::Error>>;
+
+fn draw(svg: &mut String, title: &str, samples: &[Sample]) -> Drawn {
+    let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
+    root.fill(&WHITE)?;
+    let end = samples.last().map_or(1.0, |sample| sample.time);
+    let top = samples.iter().map(|s| s.normal_force.max(s.tangential_force)).fold(0.0, f64::max);
+    let mut chart = ChartBuilder::on(&root)
+        .caption(title, ("sans-serif", 20))
+        .margin(12)
+        .x_label_area_size(44)
+        .y_label_area_size(58)
+        .build_cartesian_2d(0.0..end, 0.0..if top > 0.0 { 1.2 * top } else { 1.0 })?;
+    chart
+        .configure_mesh()
+        .x_desc("time (s)")
+        .y_desc("force on the instrument (N)")
+        .light_line_style(BLACK.mix(0.04))
+        .bold_line_style(BLACK.mix(0.12))
+        .label_style(("sans-serif", 14))
+        .draw()?;
+    let stride = samples.len().div_ceil(POINTS).max(1);
+    let curve = |of: fn(&Sample) -> f64| samples.iter().step_by(stride).map(move |s| (s.time, of(s)));
+    let normal = ShapeStyle::from(NORMAL).stroke_width(2);
+    let tangential = ShapeStyle::from(TANGENTIAL).stroke_width(2);
+    chart
+        .draw_series(LineSeries::new(curve(|s| s.normal_force), normal))?
+        .label("normal")
+        .legend(move |(x, y)| PathElement::new([(x, y), (x + 26, y)], normal));
+    chart
+        .draw_series(DashedLineSeries::new(curve(|s| s.tangential_force), 2, 4, tangential))?
+        .label("tangential")
+        .legend(move |(x, y)| DashedPathElement::new(vec![(x, y), (x + 26, y)], 2, 4, tangential));
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::UpperLeft)
+        .margin(14)
+        .legend_area_size(34)
+        .border_style(BLACK.mix(0.2))
+        .background_style(WHITE.mix(0.8))
+        .label_font(("sans-serif", 14))
+        .draw()?;
+    root.present()?;
+    Ok(())
+}

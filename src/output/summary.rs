@@ -1,0 +1,219 @@
+//! `summary.json`: a run in numbers.
+
+use serde::Serialize;
+
+use super::spectrum::power_above;
+use crate::Vec3;
+use crate::contact::law::Mode;
+use crate::device::failsafe::Fault;
+use crate::pipeline::TickView;
+use crate::scene::Scene;
+
+/// Frequencies above this count as ripple, Hz.
+const RIPPLE_HZ: f64 = 100.0;
+/// A free tip this far inside the surface, m, has passed through it. Less is the round-off of two
+/// different tests, collision by triangle planes and inside by the nearest point.
+const TUNNELLED_M: f64 = 1e-12;
+
+/// What one tick leaves for plots and the summary.
+#[derive(Debug, Clone, Copy)]
+pub struct Sample {
+    /// s.
+    pub time: f64,
+    /// N.
+    pub force: Vec3,
+    /// F_N, N.
+    pub normal_force: f64,
+    /// F_T, N.
+    pub tangential_force: f64,
+    /// What the contact did.
+    pub mode: Mode,
+}
+
+/// Collects a run tick by tick.
+#[derive(Debug, Default)]
+pub struct Recorder {
+    samples: Vec<Sample>,
+    contact_losses: u64,
+    releases: u64,
+    collisions: u64,
+    tension_ticks: u64,
+    patch_exits: u64,
+    tunnelling_ticks: u64,
+    energy: EnergySummary,
+}
+
+/// Ticks in each mode.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct ModeTicks {
+    /// No force.
+    pub free: u64,
+    /// Held.
+    pub stick: u64,
+    /// Frictionless or rigid.
+    pub slide: u64,
+    /// At the Coulomb bound.
+    pub slip: u64,
+}
+
+/// The energy book at the end of a run, J.
+#[derive(Debug, Clone, Copy, Default, Serialize)]
+pub struct EnergySummary {
+    /// What the instrument put in.
+    pub work_j: f64,
+    /// Σ |f·Δq|.
+    pub absolute_work_j: f64,
+    /// Change of kinetic, elastic and gravitational energy within ticks.
+    pub stored_j: f64,
+    /// By dampers and drag.
+    pub damping_loss_j: f64,
+    /// By slipping.
+    pub friction_loss_j: f64,
+    /// Work − stored − dissipated: what the scheme and the exterior made or lost.
+    pub residual_j: f64,
+    /// Relative to Σ |f·Δq|; 0 without work.
+    pub residual_relative: f64,
+}
+
+/// A run in numbers.
+#[derive(Debug, Clone, Serialize)]
+pub struct Summary {
+    /// Its scene.
+    pub scene: String,
+    /// Of the program.
+    pub version: &'static str,
+    /// Whether it reached its duration.
+    pub completed: bool,
+    /// The fault that ended it, if one did.
+    pub fault: Option<String>,
+    /// What the scene did not need.
+    pub left_out: Vec<String>,
+    /// Rows of the trace.
+    pub ticks: u64,
+    /// By mode.
+    pub mode_ticks: ModeTicks,
+    /// Share of stick and slip ticks that stick; absent without friction.
+    pub stick_share: Option<f64>,
+    /// Times the tip met the surface.
+    pub collisions: u64,
+    /// Times the force of a contact dropped to zero.
+    pub contact_losses: u64,
+    /// Times a contact ended.
+    pub releases: u64,
+    /// Ticks with a contact kept under tension.
+    pub tension_ticks: u64,
+    /// Ticks in which the contact was rigid: its point had left the free nodes of the patch.
+    pub patch_exits: u64,
+    /// Ticks with the tip inside the surface, no force and no contact kept; must be 0.
+    pub tunnelling_ticks: u64,
+    /// N.
+    pub largest_force_n: f64,
+    /// N.
+    pub largest_normal_force_n: f64,
+    /// N.
+    pub largest_tangential_force_n: f64,
+    /// Between two ticks in contact, N.
+    pub largest_force_jump_n: f64,
+    /// Its tick.
+    pub largest_force_jump_tick: Option<u64>,
+    /// Changes of mode.
+    pub mode_switches_per_s: f64,
+    /// Mean square of the force above 100 Hz, N².
+    pub force_power_above_100_hz_n2: f64,
+    /// The energy book.
+    pub energy: EnergySummary,
+    /// Of the run with its outputs.
+    pub wall_time_s: f64,
+}
+
+impl Recorder {
+    /// Takes in a tick.
+    pub fn record(&mut self, view: &TickView) {
+        let report = view.report;
+        let lost = report.mode == Mode::Free && self.samples.last().is_some_and(|last| last.mode != Mode::Free);
+        self.contact_losses += u64::from(lost);
+        self.releases += u64::from(report.released);
+        self.collisions += u64::from(report.collision_time.is_some());
+        self.patch_exits += u64::from(report.rigid);
+        if report.mode == Mode::Free {
+            if view.local.contact().is_some() {
+                self.tension_ticks += 1;
+            } else if !(view.local.shape().signed_distance(view.tip) >= -TUNNELLED_M) {
+                self.tunnelling_ticks += 1;
+            }
+        }
+        let energy = view.energy;
+        let residual = energy.residual();
+        self.energy = EnergySummary {
+            work_j: energy.work,
+            absolute_work_j: energy.absolute_work,
+            stored_j: energy.stored,
+            damping_loss_j: energy.damping_loss,
+            friction_loss_j: energy.friction_loss,
+            residual_j: residual,
+            residual_relative: if energy.absolute_work > 0.0 { residual / energy.absolute_work } else { 0.0 },
+        };
+        self.samples.push(Sample {
+            time: view.time,
+            force: view.force,
+            normal_force: report.normal_force,
+            tangential_force: report.tangential_force(),
+            mode: report.mode,
+        });
+    }
+
+    /// Every tick so far.
+    pub fn samples(&self) -> &[Sample] {
+        &self.samples
+    }
+
+    /// The run in numbers.
+    pub fn summary(&self, scene: &Scene, fault: Option<&Fault>, wall_time_s: f64) -> Summary {
+        let samples = &self.samples;
+        let count = |mode: Mode| samples.iter().filter(|sample| sample.mode == mode).count() as u64;
+        let mode_ticks = ModeTicks {
+            free: count(Mode::Free),
+            stick: count(Mode::Stick),
+            slide: count(Mode::Slide),
+            slip: count(Mode::Slip),
+        };
+        let largest = |of: fn(&Sample) -> f64| samples.iter().map(of).fold(0.0, f64::max);
+        let (mut jump, mut jump_tick, mut switches) = (0.0, None, 0_u64);
+        for (tick, pair) in samples.windows(2).enumerate() {
+            let [before, after] = [pair[0], pair[1]];
+            switches += u64::from(before.mode != after.mode);
+            let change = (after.force - before.force).norm();
+            if before.mode != Mode::Free && after.mode != Mode::Free && change > jump {
+                (jump, jump_tick) = (change, Some(tick as u64 + 1));
+            }
+        }
+        let forces: Vec<Vec3> = samples.iter().map(|sample| sample.force).collect();
+        let frictional = mode_ticks.stick + mode_ticks.slip;
+        let time = samples.last().map_or(0.0, |sample| sample.time);
+        Summary {
+            scene: scene.name.clone(),
+            version: env!("CARGO_PKG_VERSION"),
+            completed: fault.is_none(),
+            fault: fault.map(ToString::to_string),
+            left_out: scene.parts().iter().filter(|part| !part.needed).map(|part| part.to_string()).collect(),
+            ticks: samples.len() as u64,
+            mode_ticks,
+            stick_share: (frictional > 0).then(|| mode_ticks.stick as f64 / frictional as f64),
+            collisions: self.collisions,
+            contact_losses: self.contact_losses,
+            releases: self.releases,
+            tension_ticks: self.tension_ticks,
+            patch_exits: self.patch_exits,
+            tunnelling_ticks: self.tunnelling_ticks,
+            largest_force_n: largest(|sample| sample.force.norm()),
+            largest_normal_force_n: largest(|sample| sample.normal_force),
+            largest_tangential_force_n: largest(|sample| sample.tangential_force),
+            largest_force_jump_n: jump,
+            largest_force_jump_tick: jump_tick,
+            mode_switches_per_s: if time > 0.0 { switches as f64 / time } else { 0.0 },
+            force_power_above_100_hz_n2: power_above(&forces, 1.0 / scene.tick, RIPPLE_HZ),
+            energy: self.energy,
+            wall_time_s,
+        }
+    }
+}

@@ -1,0 +1,77 @@
+//! `trace.csv`: one row per tick, the state at its end.
+
+use serde::Serialize;
+
+use crate::contact::surface::ContactPoint;
+use crate::pipeline::TickView;
+
+/// A row. Floats are written in their shortest form that reads back to the same bits. The contact
+/// columns are those of the located contact and stay empty in free ticks.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TraceRow {
+    tick: u64,
+    t: f64,
+    qx: f64,
+    qy: f64,
+    qz: f64,
+    fx: f64,
+    fy: f64,
+    fz: f64,
+    #[serde(rename = "fn")]
+    normal_force: f64,
+    ft: f64,
+    mode: &'static str,
+    triangle: Option<u32>,
+    alpha: Option<f64>,
+    beta: Option<f64>,
+    gamma: Option<f64>,
+    nx: Option<f64>,
+    ny: Option<f64>,
+    nz: Option<f64>,
+    kinetic: f64,
+    elastic: f64,
+    gravitational: f64,
+    work: f64,
+    model_age: u64,
+    damping_loss: f64,
+    friction_loss: f64,
+}
+
+impl TraceRow {
+    /// The row of a tick.
+    pub fn new(view: &TickView) -> Self {
+        let report = view.report;
+        let weight = |i: usize| report.touch.map(|touch| touch.point.weights[i]);
+        let normal = |i: usize| report.touch.map(|touch| touch.normal[i]);
+        Self {
+            tick: view.tick,
+            t: view.time,
+            qx: view.tip.x,
+            qy: view.tip.y,
+            qz: view.tip.z,
+            fx: view.force.x,
+            fy: view.force.y,
+            fz: view.force.z,
+            normal_force: report.normal_force,
+            ft: report.tangential_force(),
+            mode: report.mode.name(),
+            triangle: report.touch.map(|touch| {
+                let ContactPoint { triangle, .. } = touch.point;
+                triangle
+            }),
+            alpha: weight(0),
+            beta: weight(1),
+            gamma: weight(2),
+            nx: normal(0),
+            ny: normal(1),
+            nz: normal(2),
+            kinetic: view.energy.kinetic,
+            elastic: view.energy.elastic,
+            gravitational: view.energy.gravitational,
+            work: view.energy.work,
+            model_age: view.model_age,
+            damping_loss: view.energy.damping_loss,
+            friction_loss: view.energy.friction_loss,
+        }
+    }
+}

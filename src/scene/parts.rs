@@ -1,0 +1,83 @@
+//! What a scene needs of the program, and what is left out of its pipeline.
+
+use std::fmt;
+
+use super::Scene;
+use crate::contact::law::Law;
+use crate::contact::operators::Metric;
+use crate::contact::surface::ContactSurface;
+use crate::dynamics::global::SyncMode;
+use crate::model::local::{ExteriorKind, Linearization};
+use crate::model::patch::Extent;
+use crate::Vec3;
+
+/// A part of the pipeline that not every scene needs.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Part {
+    /// What it is.
+    pub name: &'static str,
+    /// Whether this scene has it.
+    pub needed: bool,
+    /// The value in the scene that decides.
+    pub because: String,
+}
+
+impl fmt::Display for Part {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} ({})", self.name, self.because)
+    }
+}
+
+impl Scene {
+    /// Every optional part, with what decides whether this scene has it.
+    pub fn parts(&self) -> Vec<Part> {
+        let part = |name, needed, because: String| Part { name, needed, because };
+        let law = match self.contact.law {
+            Law::Sliding => "sliding",
+            Law::Sticking => "sticking",
+            Law::StickSlip { .. } => "stick-slip",
+        };
+        let law_is = format!("contact.law = {law:?}");
+        let model = if self.is_full { "local.model = \"full\"" } else { "local.model = \"patch\"" };
+        let (linear, linear_is) = match self.local.linearization {
+            _ if self.is_full => (false, model),
+            Linearization::Tangent(_) => (true, "local.linearization = \"tangent\""),
+            Linearization::None => (false, "local.linearization = \"none\""),
+        };
+        let (drifts, exterior_is) = match self.local.exterior {
+            ExteriorKind::Fixed => (false, "local.exterior = \"fixed\""),
+            ExteriorKind::Drifting => (true, "local.exterior = \"drifting\""),
+        };
+        let takes_all = self.local.extent == Extent::All;
+        let (replays, sync_is) = match self.global.sync {
+            _ if takes_all => (false, "the local model takes every free node"),
+            SyncMode::Replay => (true, "sync.mode = \"replay\""),
+            SyncMode::Overwrite => (false, "sync.mode = \"overwrite\""),
+        };
+        let (shaded, surface_is) = match self.contact.surface {
+            ContactSurface::Faceted => (false, "contact.surface = \"faceted\""),
+            ContactSurface::Shaded => (true, "contact.surface = \"shaded\""),
+        };
+        let (weighted, metric_is) = match self.contact.metric {
+            Metric::Euclidean => (false, "contact.metric = \"euclidean\""),
+            Metric::Mass => (true, "contact.metric = \"mass\""),
+        };
+        let material = &self.material;
+        vec![
+            part("gravity", material.gravity != Vec3::zeros(), format!("material.gravity = {:?}", material.gravity.as_slice())),
+            part("node drag", material.drag != 0.0, format!("material.drag = {}", material.drag)),
+            part("spring dampers", material.damping != 0.0, format!("material.damping = {}", material.damping)),
+            part("friction", matches!(self.contact.law, Law::StickSlip { .. }), law_is.clone()),
+            part("sticking operator P", self.contact.law != Law::Sliding, law_is.clone()),
+            part("sliding operator Q", self.contact.law != Law::Sticking, law_is),
+            part("mass metric", weighted, metric_is.to_owned()),
+            part("vertex normals", shaded, surface_is.to_owned()),
+            part("linearisation (K, D)", linear, linear_is.to_owned()),
+            part("exterior at rest or moving", !takes_all, if self.is_full { model.to_owned() } else { format!("local.rings: {:?}", self.local.extent) }),
+            part("exterior drift", drifts && !takes_all, exterior_is.to_owned()),
+            part("replay of the patch's path", replays, sync_is.to_owned()),
+            part("hand-over latency", self.global.latency_ticks > 0, format!("sync.latency_ticks = {}", self.global.latency_ticks)),
+            part("haptic device", false, "the instrument follows a path".to_owned()),
+        ]
+    }
+}
