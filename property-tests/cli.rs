@@ -1,1 +1,283 @@
-fn main(){}
+//! The program from outside: exit codes, messages, and the files it writes.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+use assert_cmd::Command;
+
+/// The shipped stick-slip scene, which every bad scene is made from by one replacement.
+const GOOD: &str = include_str!("../fixtures/scenes/fig5-stick-slip.toml");
+
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Self {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+        let _ = fs::remove_dir_all(&folder);
+        fs::create_dir_all(&folder).expect("a temporary folder");
+        Self(folder)
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.join(name)
+    }
+
+    fn write(&self, name: &str, text: &str) -> PathBuf {
+        fs::write(self.path(name), text).expect("a temporary file");
+        self.path(name)
+    }
+}
+
+fn stickslip(arguments: &[&str]) -> Output {
+    Command::cargo_bin("stickslip").expect("the program").args(arguments).output().expect("it runs")
+}
+
+fn run(scene: &Path, out: &Path) -> Output {
+    stickslip(&["run", &scene.display().to_string(), "--out", &out.display().to_string()])
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// (what is wrong, text in the good scene, its replacement, words that the message must have)
+const BAD: &[(&str, &str, &str, &[&str])] = &[
+    ("unknown key", "substeps = 100", "sub_steps = 100", &["unknown field `sub_steps`", "substeps", ":20:"]),
+    ("unknown table", "[sync]", "[synch]", &["unknown field `synch`"]),
+    ("wrong type", "spacing = 0.0125", "spacing = \"wide\"", &["string \"wide\"", "mesh.spacing", ":8:"]),
+    ("wrong choice", "stencil = \"shear\"", "stencil = \"sheer\"", &["sheer", "shear", "structural"]),
+    ("missing key", "damping = 0.5", "", &["missing field `damping`", "material"]),
+    ("missing table", "[contact]\nlaw", "[contact2]\nlaw", &["contact2"]),
+    ("negative mass", "node_mass = 0.01", "node_mass = -0.01", &["material.node_mass", "-0.01", "above 0", ":13:"]),
+    ("zero mass", "node_mass = 0.01", "node_mass = 0", &["material.node_mass"]),
+    ("NaN mass", "node_mass = 0.01", "node_mass = nan", &["material.node_mass", "NaN"]),
+    ("infinite mass", "node_mass = 0.01", "node_mass = inf", &["material.node_mass", "inf"]),
+    ("NaN in a mass list", "node_mass = 0.01", "node_mass = [0.01, nan]", &["material.node_mass"]),
+    ("negative stiffness", "stiffness = 100.0", "stiffness = -100.0", &["material.stiffness"]),
+    ("zero stiffness", "stiffness = 100.0", "stiffness = 0.0", &["material.stiffness"]),
+    ("NaN stiffness", "stiffness = 100.0", "stiffness = nan", &["material.stiffness"]),
+    ("infinite stiffness", "stiffness = 100.0", "stiffness = -inf", &["material.stiffness"]),
+    ("NaN damping", "damping = 0.5", "damping = nan", &["material.damping"]),
+    ("negative damping", "damping = 0.5", "damping = -0.5", &["material.damping"]),
+    ("infinite gravity", "damping = 0.5", "damping = 0.5\ngravity = [0.0, 0.0, -inf]", &["material.gravity"]),
+    ("negative local rate", "rate = 1000.0", "rate = -1000.0", &["local.rate"]),
+    ("zero local rate", "rate = 1000.0", "rate = 0.0", &["local.rate"]),
+    ("NaN local rate", "rate = 1000.0", "rate = nan", &["local.rate"]),
+    ("infinite local rate", "rate = 1000.0", "rate = inf", &["local.rate"]),
+    ("negative global rate", "rate = 10.0 ", "rate = -10.0 ", &["global.rate"]),
+    ("NaN global rate", "rate = 10.0 ", "rate = nan ", &["global.rate"]),
+    ("negative spacing", "spacing = 0.0125", "spacing = -0.0125", &["mesh.spacing"]),
+    ("zero spacing", "spacing = 0.0125", "spacing = 0.0", &["mesh.spacing"]),
+    ("NaN spacing", "spacing = 0.0125", "spacing = nan", &["mesh.spacing"]),
+    ("infinite spacing", "spacing = 0.0125", "spacing = inf", &["mesh.spacing"]),
+    ("negative duration", "duration = 1.2", "duration = -1.2", &["duration"]),
+    ("zero duration", "duration = 1.2", "duration = 0.0", &["duration"]),
+    ("NaN duration", "duration = 1.2", "duration = nan", &["duration"]),
+    ("infinite duration", "duration = 1.2", "duration = inf", &["duration"]),
+    ("not a whole number of ticks", "duration = 1.2", "duration = 1.20005", &["duration", "whole number of ticks"]),
+    ("negative friction", "friction = 1.0", "friction = -1.0", &["contact.friction"]),
+    ("NaN friction", "friction = 1.0", "friction = nan", &["contact.friction"]),
+    ("no friction", "friction = 1.0", "", &["`contact.friction` is missing"]),
+    ("friction under sliding", "law = \"stick-slip\"", "law = \"sliding\"", &["contact.friction", "no effect", ":32:"]),
+    ("friction under sticking", "law = \"stick-slip\"", "law = \"sticking\"", &["contact.friction", "no effect"]),
+    ("one node along an axis", "nodes = [9, 9, 4]", "nodes = [9, 9, 1]", &["mesh.nodes", "at least 2"]),
+    ("two node counts", "nodes = [9, 9, 4]", "nodes = [9, 9]", &["mesh.nodes"]),
+    ("too large", "nodes = [9, 9, 4]", "nodes = [90000, 90000, 90000]", &["729000000000000 nodes", "MiB"]),
+    ("too large to count", "nodes = [9, 9, 4]", "nodes = [9000000000, 9000000000, 9000000000]", &["MiB"]),
+    ("a dense matrix too large", "nodes = [9, 9, 4]", "nodes = [100, 100, 10]", &["MiB"]),
+    ("rates that do not fit", "rate = 10.0 ", "rate = 30.0 ", &["whole multiple"]),
+    ("no rings", "rings = 1", "rings = 0", &["local.rings"]),
+    ("half a ring", "rings = 1", "rings = 1.5", &["local.rings"]),
+    ("rings in the full model", "model = \"patch\"", "model = \"full\"", &["local.rings", "no effect"]),
+    ("no substeps", "substeps = 100", "substeps = 0", &["global.substeps"]),
+    ("too late", "latency_ticks = 0", "latency_ticks = 100", &["sync.latency_ticks"]),
+    ("unsorted waypoints", "[1.2, 0.02", "[0.1, 0.02", &["instrument.waypoints", "not later"]),
+    ("short waypoint", "[1.2, 0.02, 0.0013, -0.003]", "[1.2, 0.02, 0.0013]", &["instrument.waypoints", "four numbers"]),
+    ("no waypoints", "waypoints = [[0.0", "waypoints = [] # [[0.0", &["instrument.waypoints", "no waypoint"]),
+    ("NaN waypoint", "[1.2, 0.02", "[1.2, nan", &["instrument.waypoints", "not finite"]),
+    ("tip inside", "[0.0, -0.03, 0.0013, 0.002]", "[0.0, -0.03, 0.0013, -0.002]", &["inside the surface", "0.002"]),
+    ("mass list of another length", "node_mass = 0.01", "node_mass = [0.01, 0.01]", &["2 values for 324 nodes"]),
+    ("mass and density", "node_mass = 0.01", "node_mass = 0.01\ndensity = 1000.0", &["cannot both be given"]),
+    ("neither mass nor density", "node_mass = 0.01", "", &["`material.node_mass` is missing"]),
+    ("fixed node beyond the mesh", "fixed = \"bottom\"", "fixed = { nodes = [324] }", &["mesh.fixed", "324"]),
+    ("unknown fixture", "fixed = \"bottom\"", "fixed = { above_z = 0.0 }", &["below_z"]),
+    ("a name with a path in it", "name = \"fig5-stick-slip\"", "name = \"../up\"", &["name"]),
+    ("missing recording", "kind = \"path\"", "kind = \"recording\"\nfile = \"none.csv\"", &["instrument.waypoints", "no effect"]),
+    ("not TOML", "duration = 1.2", "duration := 1.2", &[":3:"]),
+];
+
+#[test]
+fn bad_scenes_end_with_code_2_one_message_and_no_folder() {
+    let folder = Folder::new("bad-scenes");
+    for (what, good, bad, words) in BAD {
+        assert!(GOOD.contains(good), "{what}: the good scene has no {good:?}");
+        let mut text = GOOD.replacen(good, bad, 1);
+        if *what == "a dense matrix too large" {
+            text = text.replace("rings = 1", "rings = \"all\"");
+        }
+        let scene = folder.write("scene.toml", &text);
+        let out = folder.path("out");
+        let output = run(&scene, &out);
+        let message = stderr(&output);
+        assert_eq!(output.status.code(), Some(2), "{what}: {message}");
+        assert!(!out.exists(), "{what}: a folder was left");
+        assert_eq!(message.matches('×').count(), 1, "{what}: one error\n{message}");
+        // However the terminal wraps it.
+        let flat = message.replace("\n  │", "").split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(flat.contains("scene.toml:"), "{what}: no file, line and column\n{message}");
+        for word in *words {
+            assert!(flat.contains(word), "{what}: {word:?} is not in\n{message}");
+        }
+        assert!(output.stdout.is_empty(), "{what}");
+    }
+}
+
+#[test]
+fn missing_files_are_named() {
+    let folder = Folder::new("missing");
+    let out = folder.path("out");
+    let output = run(&folder.path("none.toml"), &out);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("none.toml") && stderr(&output).contains("fig5-stick-slip"));
+    let text = GOOD.replace("kind = \"path\" ", "kind = \"recording\"\nfile = \"none.csv\" ").replace("waypoints", "# waypoints");
+    let output = run(&folder.write("scene.toml", &text), &out);
+    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    assert!(stderr(&output).contains("none.csv"), "{}", stderr(&output));
+    assert!(!out.exists());
+}
+
+#[test]
+fn bad_recordings_are_named_with_their_line() {
+    let folder = Folder::new("recordings");
+    let text = GOOD.replace("kind = \"path\" ", "kind = \"recording\"\nfile = \"tip.csv\" ").replace("waypoints", "# waypoints");
+    let scene = folder.write("scene.toml", &text);
+    for (csv, word) in [
+        ("t,x,y\n0,0,0\n", "header"),
+        ("t,x,y,z\n0,0,0,zero\n", "line: 2"),
+        ("t,x,y,z\n0,0,0,0.01\n0,0,0,0.01\n", "not later"),
+        ("t,x,y,z\n", "no waypoint"),
+        ("t,x,y,z\n0,0,0,NaN\n", "not finite"),
+    ] {
+        folder.write("tip.csv", csv);
+        let output = run(&scene, &folder.path("out"));
+        let message = stderr(&output).split_whitespace().collect::<Vec<_>>().join(" ");
+        assert_eq!(output.status.code(), Some(2), "{csv:?}: {message}");
+        assert!(message.contains(word), "{csv:?}: {message}");
+    }
+    folder.write("tip.csv", "t,x,y,z\n0,0,0,0.01\n0.5,0,0,-0.002\n");
+    assert_eq!(run(&scene, &folder.path("out")).status.code(), Some(0));
+}
+
+#[test]
+fn a_run_leaves_its_files_and_repeats_to_the_byte() {
+    let folder = Folder::new("run");
+    let (a, b) = (folder.path("a"), folder.path("b"));
+    for out in [&a, &b] {
+        let output = run(Path::new("fig5-stick-slip"), out);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        assert_eq!(stderr(&output), "", "no progress where there is no terminal");
+    }
+    let read = |folder: &Path, name: &str| fs::read_to_string(folder.join(name)).expect(name);
+    for name in ["trace.csv", "network.json", "forces.svg"] {
+        assert_eq!(read(&a, name), read(&b, name), "{name}");
+    }
+    assert_eq!(fs::read_dir(&a).expect("a folder").count(), 4, "nothing else is left");
+
+    let trace = read(&a, "trace.csv");
+    let mut lines = trace.lines();
+    let header = lines.next().expect("a header");
+    assert!(header.starts_with(
+        "tick,t,qx,qy,qz,fx,fy,fz,fn,ft,mode,triangle,alpha,beta,gamma,nx,ny,nz,kinetic,elastic,gravitational,work,model_age"
+    ));
+    let columns = header.split(',').count();
+    assert_eq!(lines.clone().count(), 1200);
+    assert!(lines.all(|line| line.split(',').count() == columns));
+    assert!(trace.contains("0,0.001,-0.03,0.0013,0.001975,0.0,0.0,0.0,0.0,0.0,free,,,,,,,,"));
+
+    let network: serde_json::Value = serde_json::from_str(&read(&a, "network.json")).expect("JSON");
+    for (key, count) in [("nodes", 324), ("mass", 324), ("fixed", 324), ("springs", 2195), ("triangles", 448)] {
+        assert_eq!(network[key].as_array().expect(key).len(), count, "{key}");
+    }
+    let summary: serde_json::Value = serde_json::from_str(&read(&a, "summary.json")).expect("JSON");
+    assert_eq!(summary["mode_ticks"]["stick"], 264);
+    assert_eq!(summary["tunnelling_ticks"], 0);
+}
+
+#[test]
+fn a_fault_ends_with_code_1_and_keeps_the_rows_before_it() {
+    let folder = Folder::new("fault");
+    let out = folder.path("out");
+    let output = run(Path::new("deep-stick-slip-faceted"), &out);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("fault at tick 884") && stderr(&output).contains("ran away"), "{}", stderr(&output));
+    let rows = fs::read_to_string(out.join("trace.csv")).expect("a trace").lines().count() - 1;
+    assert_eq!(rows, 884);
+}
+
+#[test]
+fn an_output_folder_that_cannot_be_is_named() {
+    let folder = Folder::new("blocked");
+    let file = folder.write("file", "");
+    let output = run(Path::new("fig3-sliding"), &file.join("below"));
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("cannot write"), "{}", stderr(&output));
+}
+
+#[test]
+fn the_report_is_one_page_that_needs_nothing_else() {
+    let folder = Folder::new("report");
+    let out = folder.path("out");
+    let output = stickslip(&["report", "--out", &out.display().to_string()]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let page = fs::read_to_string(out.join("index.html")).expect("a page");
+    assert_eq!(page.matches("<svg").count(), 7);
+    for outside in ["src=", "href=", "@import", "url("] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+    let json: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(out.join("report.json")).expect("JSON")).expect("JSON");
+    assert_eq!(json["runs"].as_array().expect("runs").len(), 7);
+    let table = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(table.contains("fault, as expected") && !table.contains("UNEXPECTED"), "{table}");
+}
+
+#[test]
+fn a_bad_scene_keeps_the_whole_report_from_starting() {
+    let folder = Folder::new("bad-report");
+    let scene = folder.write("bad.toml", "name = 1");
+    let out = folder.path("out");
+    let output = stickslip(&["report", "fig3-sliding", &scene.display().to_string(), "--out", &out.display().to_string()]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(!out.exists());
+}
+
+#[test]
+fn explain_tells_sizes_limits_and_what_is_left_out() {
+    let output = stickslip(&["explain", "fig3-sliding"]);
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(output.status.code(), Some(0));
+    let left_out = text.split("Left out").nth(1).expect("a list");
+    for part in ["friction", "sticking operator P", "gravity", "vertex normals"] {
+        assert!(left_out.contains(part), "{part} is not in\n{left_out}");
+    }
+    assert!(text.contains("42 × 84") && text.contains("stable up to 2.869 ms") && !text.contains("Warning"), "{text}");
+
+    let folder = Folder::new("explain");
+    let stiff = folder.write("stiff.toml", &GOOD.replace("stiffness = 100.0", "stiffness = 1e5"));
+    let output = stickslip(&["explain", &stiff.display().to_string(), "--json"]);
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let warnings: Vec<&str> = json["warnings"].as_array().expect("a list").iter().filter_map(|w| w.as_str()).collect();
+    assert!(warnings.iter().any(|w| w.contains("the local tick is beyond its stability limit")), "{warnings:?}");
+    assert!(warnings.iter().any(|w| w.contains("the global substep is beyond its stability limit")), "{warnings:?}");
+}
+
+#[test]
+fn usage_errors_have_code_2_and_help_teaches() {
+    assert_eq!(stickslip(&["fly"]).status.code(), Some(2));
+    assert_eq!(stickslip(&["run"]).status.code(), Some(2));
+    let help = String::from_utf8_lossy(&stickslip(&["--help"]).stdout).into_owned();
+    for word in ["run", "report", "explain", "fig5-stick-slip", "Exit codes"] {
+        assert!(help.contains(word), "{word}");
+    }
+}

@@ -135,6 +135,12 @@ impl Simulation {
         &self.global
     }
 
+    /// The two sides, for a loop of one's own. (A clone of the local side has to allocate its scratch
+    /// again in its first ticks; this one has it.)
+    pub fn into_sides(self) -> (GlobalSimulation, LocalSimulation) {
+        (self.global, self.local)
+    }
+
     /// Runs in lockstep: the two sides take turns in virtual time. `observe` is called after every
     /// tick that the fail-safe lets pass.
     ///

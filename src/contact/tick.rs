@@ -63,14 +63,12 @@ pub struct Contact {
 pub enum Grip {
     /// Held its point.
     Stick,
-    /// Slid without friction.
+    /// Slid without friction, or over rigid ground.
     Slide,
     /// Slipped at the Coulomb bound.
     Slip,
     /// Pulled at the tip: no force, but kept.
     Tension,
-    /// Met what cannot yield.
-    Rigid,
 }
 
 /// What a tick did.
@@ -228,17 +226,20 @@ impl LocalSimulation {
         self.model.evaluate_forces(self.elapsed(), &mut self.state);
         self.predict();
         let report = match self.meet(q0, q1) {
-            None => {
-                let released = self.contact.take().is_some();
-                self.accept_prediction();
-                TickReport::free(released)
-            }
+            None => self.release(),
             Some(meeting) => self.respond(meeting, q0, q1),
         };
         self.age += 1;
         snap_to_rest(&mut self.state.v);
         self.model.place_boundary(self.elapsed(), &mut self.state.x);
         report
+    }
+
+    /// Accepts the prediction without a contact.
+    fn release(&mut self) -> TickReport {
+        let released = self.contact.take().is_some();
+        self.accept_prediction();
+        TickReport::free(released)
     }
 
     /// Step 1 (11): v* = v + h M⁻¹f, x* = x + h v*.
@@ -270,9 +271,8 @@ impl LocalSimulation {
             Grip::Slide => now.project(self.rules.surface, &point, q1, &mut self.visited),
             // The mesh slid under a tip that stood at q₀.
             Grip::Slip => now.project(self.rules.surface, &point, q0, &mut self.visited),
-            Grip::Tension | Grip::Rigid if predicted.is_outside(q1) => return None,
+            Grip::Tension if predicted.is_outside(q1) => return None,
             Grip::Tension => Projection::Found(now.nearest(q0).unwrap_or(point)),
-            Grip::Rigid => now.project(self.rules.surface, &point, q1, &mut self.visited),
         };
         match found {
             Projection::Found(point) => Some(Meeting { point, elapsed, rest: self.step, collision_time: None }),
@@ -361,15 +361,21 @@ impl LocalSimulation {
         }
     }
 
-    /// A wall's answer, max(0, k(p − q₁)·n̂ − b q̇·n̂) n̂, without a force on the mesh.
+    /// A wall's answer, max(0, k(p − q₁)·n̂ − b q̇·n̂) n̂, without a force on the mesh, until the tip is
+    /// outside.
     fn respond_rigidly(&mut self, touch: Touch, collision_time: Option<f64>, q0: Vec3, q1: Vec3) -> TickReport {
+        let end = self.elapsed() + self.step;
+        let predicted = Shape { model: &self.model, x: &self.state.x_predicted, elapsed: end };
+        if predicted.is_outside(q1) {
+            return self.release();
+        }
         let Wall { stiffness, damping } = self.rules.wall;
         let depth = (touch.position - q1).dot(&touch.normal);
         let speed = ((q1 - q0) / self.step).dot(&touch.normal);
         let push = stiffness * depth - damping * speed;
         // Written so that NaN is passed on to the fail-safe instead of becoming zero.
         let push = if push <= 0.0 { 0.0 } else { push };
-        self.contact = Some(Contact { point: touch.point, grip: Grip::Rigid });
+        self.contact = Some(Contact { point: touch.point, grip: Grip::Slide });
         self.accept_prediction();
         TickReport { collision_time, rigid: true, ..TickReport::touching(Mode::Slide, touch.normal * push, touch) }
     }

@@ -7,7 +7,7 @@ use super::integrators::{Constraint, GlobalIntegrator, Stepper, Unconstrained};
 use crate::Vec3;
 use crate::contact::operators::{Metric, Support};
 use crate::contact::surface::ContactPoint;
-use crate::contact::tick::{Contact, Grip};
+use crate::contact::tick::{Contact, Grip, RIGID_BELOW};
 use crate::model::local::{LocalModel, LocalModelBuilder, LocalState};
 use crate::model::network::{Network, State};
 use crate::model::surface::Surface;
@@ -120,10 +120,9 @@ impl Trajectory {
         }
     }
 
-    /// Sets the nodes of the patch in use at `time`, in ticks from the start of the cycle, to where
-    /// they were: linear between ticks. A whole number of ticks belongs to the tick that it ends.
-    fn prescribe(&self, time: f64, state: &mut State) {
-        let tick = (time.ceil() as usize).max(1) - 1;
+    /// Sets the nodes of the patch in use to where they were in a tick, at `time`, in ticks from the
+    /// start of the cycle: linear between the tick's start and end.
+    fn prescribe(&self, tick: usize, time: f64, state: &mut State) {
         let Some(segment) = self.segments.iter().rev().find(|segment| segment.first_tick <= tick) else { return };
         let m = segment.nodes.len();
         let fraction = time - tick as f64;
@@ -164,7 +163,10 @@ impl Constraint for Replayed<'_> {
     fn state(&self, ahead: f64, state: &mut State) {
         // Product first: a substep that ends with a tick must come out as a whole number.
         let time = (f64::from(self.substep) + ahead) * f64::from(self.ticks) / f64::from(self.substeps);
-        self.trajectory.prescribe(time, state);
+        // A hand-over may come at a whole tick: the start of a step belongs to the tick it begins,
+        // all later times to the tick they end.
+        let tick = if ahead > 0.0 { time.ceil() - 1.0 } else { time.floor() };
+        self.trajectory.prescribe(tick as usize, time, state);
     }
 }
 
@@ -249,7 +251,7 @@ impl GlobalSimulation {
 
     fn overwrite(&mut self, trajectory: &Trajectory) {
         // Under tension and on rigid ground the instrument exerts no force on the mesh.
-        let held = self.contact.filter(|contact| !matches!(contact.grip, Grip::Tension | Grip::Rigid));
+        let held = self.contact.filter(|contact| contact.grip != Grip::Tension);
         let mut support = Support::with_capacity(3);
         if let Some(Contact { point, .. }) = held {
             let nodes = self.surface.triangle_nodes(point.triangle).into_iter().zip(point.weights);
@@ -259,7 +261,7 @@ impl GlobalSimulation {
                 .filter(|&(_, _, inverse_mass)| inverse_mass > 0.0);
             support.set(self.settings.metric, free);
         }
-        if support.scale() > 0.0 {
+        if support.free_weight() >= RIGID_BELOW {
             support.project_sticking(&mut self.state.v);
             self.integrate(|_| Held(&support));
         } else {

@@ -16,7 +16,8 @@ pub enum GlobalIntegrator {
 pub trait Constraint {
     /// Makes accelerations respect it.
     fn accelerations(&self, a: &mut [Vec3]);
-    /// Makes a state respect it, at a fraction `ahead` of the step that is being done.
+    /// Makes a state respect it, at a fraction `ahead` of the step that is being done: 0 as the step
+    /// begins, 1 as it ends.
     fn state(&self, ahead: f64, state: &mut State);
 }
 
@@ -85,6 +86,7 @@ impl Stepper {
         h: f64,
         constraint: &impl Constraint,
     ) {
+        constraint.state(0.0, state);
         network.forces(&state.x, &state.v, &mut self.f);
         accelerate(network, &mut self.f);
         constraint.accelerations(&mut self.f);
@@ -96,6 +98,7 @@ impl Stepper {
     fn rk4(&mut self, network: &Network, state: &mut State, h: f64, constraint: &impl Constraint) {
         // (how far the stage looks ahead, its weight)
         const STAGES: [(f64, f64); 4] = [(0.0, 1.0 / 6.0), (0.5, 1.0 / 3.0), (0.5, 1.0 / 3.0), (1.0, 1.0 / 6.0)];
+        constraint.state(0.0, state);
         self.sum.clone_from(state);
         self.stage.clone_from(state);
         for (i, (ahead, weight)) in STAGES.into_iter().enumerate() {

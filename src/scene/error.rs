@@ -58,12 +58,16 @@ pub enum Problem {
         nodes: usize,
     },
     /// The mesh would not fit.
-    #[error("a mesh of {nodes} nodes and {springs} springs needs about {needed_mib} MiB; {available_mib} MiB are free")]
+    #[error(
+        "{ticks} ticks over a mesh of {nodes} nodes and {springs} springs need about {needed_mib} MiB; {available_mib} MiB are free"
+    )]
     TooLarge {
         /// Nodes.
         nodes: u128,
         /// Springs.
         springs: u128,
+        /// Ticks.
+        ticks: u64,
         /// What a run of it would take.
         needed_mib: u128,
         /// What there is.

@@ -33,6 +33,8 @@ const WHOLE_NUMBER_TOLERANCE: f64 = 1e-9;
 const BYTES_PER_NODE: u128 = 500;
 /// Bytes per spring: once in the network and twice in the adjacency, once in a patch that takes all.
 const BYTES_PER_SPRING: u128 = 300;
+/// Bytes per tick: what the summary and the plot keep, twice.
+const BYTES_PER_TICK: u128 = 128;
 
 type Placed<T> = Result<T, SceneError>;
 
@@ -87,9 +89,6 @@ impl Checker {
         let LocalIntegratorName::SemiImplicitEuler = file.local.integrator;
         let ScheduleName::Lockstep = file.run.schedule;
 
-        let (block, fixed) = self.mesh(&file.mesh)?;
-        let material = self.material(&file.material, &block)?;
-
         let local_rate = self.number_or("local.rate", &file.local.rate, 1000.0, Sign::Positive)?;
         let global_rate = self.number_or("global.rate", &file.global.rate, 10.0, Sign::Positive)?;
         let whole = |ratio: f64| {
@@ -110,6 +109,10 @@ impl Checker {
             let value = format!("{duration} s, which is {} ticks of {} s", duration * local_rate, 1.0 / local_rate);
             self.error(Problem::NotAccepted { key: "duration", value }, file.duration.span())
         })? as u64;
+
+        let local = self.local(&file.local)?;
+        let (block, fixed) = self.mesh(&file.mesh, &local, tick_count)?;
+        let material = self.material(&file.material, &block)?;
 
         let latency_ticks = match &file.sync.latency_ticks {
             Some(latency) if *latency.get_ref() >= ticks_per_cycle => {
@@ -145,7 +148,7 @@ impl Checker {
             material,
             global,
             is_full,
-            local: self.local(&file.local)?,
+            local,
             contact: self.contact(&file.contact)?,
             path: self.instrument(&file.instrument, folder)?,
             block,
@@ -162,7 +165,12 @@ impl Checker {
         Err(self.error(Problem::NotAccepted { key: "name", value: format!("{text:?}") }, name.span()))
     }
 
-    fn mesh(&self, table: &Spanned<MeshTable>) -> Placed<(Block, Vec<bool>)> {
+    fn mesh(
+        &self,
+        table: &Spanned<MeshTable>,
+        local: &LocalSettings,
+        ticks: u64,
+    ) -> Placed<(Block, Vec<bool>)> {
         let mesh = table.get_ref();
         let MeshKind::Block = mesh.kind;
         let nodes = *mesh.nodes.get_ref();
@@ -179,16 +187,25 @@ impl Checker {
                 StencilName::Full => Stencil::Full,
             },
         };
-        self.fits_memory(&block, mesh.nodes.span())?;
+        self.fits_memory(&block, local, ticks, mesh.nodes.span())?;
         let fixed = self.fixed(&mesh.fixed, &block)?;
         Ok((block, fixed))
     }
 
     /// Before anything of the mesh's size is allocated.
-    fn fits_memory(&self, block: &Block, span: Range<usize>) -> Placed<()> {
+    fn fits_memory(&self, block: &Block, local: &LocalSettings, ticks: u64, span: Range<usize>) -> Placed<()> {
         let nodes = block.nodes.iter().fold(1_u128, |product, &count| product.saturating_mul(count as u128));
         let springs = block.edge_count() as u128;
-        let needed = nodes.saturating_mul(BYTES_PER_NODE).saturating_add(springs.saturating_mul(BYTES_PER_SPRING));
+        let matrix = match (local.extent, local.linearization) {
+            // [K D], dense over every node.
+            (Extent::All, Linearization::Tangent(_)) => nodes.saturating_mul(nodes).saturating_mul(3 * 6 * 8),
+            _ => 0,
+        };
+        let needed = nodes
+            .saturating_mul(BYTES_PER_NODE)
+            .saturating_add(springs.saturating_mul(BYTES_PER_SPRING))
+            .saturating_add(matrix)
+            .saturating_add(u128::from(ticks) * BYTES_PER_TICK);
         let mut system = sysinfo::System::new();
         system.refresh_memory();
         let available = u128::from(system.available_memory());
@@ -197,8 +214,8 @@ impl Checker {
         }
         let mib = |bytes: u128| bytes >> 20;
         let problem =
-            Problem::TooLarge { nodes, springs, needed_mib: mib(needed), available_mib: mib(available) };
-        Err(self.error(problem, span).with_help("give fewer nodes, at most 2³² − 2"))
+            Problem::TooLarge { nodes, springs, ticks, needed_mib: mib(needed), available_mib: mib(available) };
+        Err(self.error(problem, span).with_help("give fewer nodes (at most 2³² − 2), fewer rings or a shorter duration"))
     }
 
     fn fixed(&self, fixed: &Option<Spanned<Fixed>>, block: &Block) -> Placed<Vec<bool>> {

@@ -8,7 +8,7 @@ from . import local_model, operators
 from . import network as net
 from .scene import SceneError
 from .surface import Surface
-from .tick import RIGID_BELOW, State, advance
+from .tick import RIGID_BELOW, Contact, State, advance
 
 RUNAWAY_DIAGONALS = 10.0  # a node this many bounding-box diagonals from its rest place has run away
 
@@ -64,7 +64,10 @@ def run(scene, network):
                 shared.advance_cycle(state, model)
             pending = shared.linearise(state, tick, scene.tip(tick))
         if pending and (tick - pending.tick == scene["sync"].latency_ticks or model is None):
+            first = model is None
             state, model, pending, age = hand_over(state, model, pending, tick, scene.h), pending, None, 0
+            if not first:
+                state.contact = state.contact or swallowed(surface, scene.tip(tick), state.x)
         q0, q1 = scene.tip(tick), scene.tip(tick + 1)
         before = state
         state, report = advance(model, surface, scene["contact"], state, q0, q1, scene.h, (tick - model.tick) * scene.h)
@@ -87,6 +90,14 @@ def hand_over(state, old, new, tick, h):
         stays = old.moves & new.moves
         x[stays], v[stays] = state.x[stays], state.v[stays]
     return State(x, v, state.contact)
+
+
+def swallowed(surface, tip, x):
+    """A contact for a free tip that the new exterior covers: no motion within a tick would ever show it to collision."""
+    point = surface.nearest(tip, x)
+    if (tip - surface.position(point, x)) @ surface.pseudonormal(point, x) < 0.0:
+        return Contact(point, tension=True)
+    return None
 
 
 def fault_in(network, state, report):

@@ -1,0 +1,79 @@
+//! One haptic tick of `fig5-stick-slip` (42 degrees of freedom), in contact and free, against
+//! nalgebra's bare matrix–vector product of the same size.
+//!
+//! `cargo bench --bench tick` prints criterion's figures, then the ratios from one interleaved run:
+//! on a shared machine only these compare.
+
+#[path = "interleaved.rs"]
+mod interleaved;
+
+use std::hint::black_box;
+
+use criterion::Criterion;
+use nalgebra::{DMatrix, DVector};
+use stickslip::Vec3;
+use stickslip::contact::law::Law;
+use stickslip::contact::surface::ContactSurface;
+use stickslip::contact::tick::LocalSimulation;
+use stickslip::model::local::LocalSettings;
+use stickslip::pipeline::Simulation;
+use stickslip::scene::Scene;
+
+fn local(change: impl FnOnce(&mut Scene)) -> LocalSimulation {
+    let mut scene = Scene::shipped("fig5-stick-slip").expect("a shipped scene");
+    change(&mut scene);
+    Simulation::prepare(&scene).expect("it starts outside").into_sides().1
+}
+
+/// A tip that goes back and forth by a millimetre at 50 mm/s, at a height over the rest surface.
+fn tip(tick: u64, height: f64) -> Vec3 {
+    let phase = (tick % 80) as f64 / 40.0;
+    Vec3::new(-0.03 + 0.002 * if phase < 1.0 { phase } else { 2.0 - phase }, 0.0013, height)
+}
+
+/// A closure that does one tick a call, already in contact (or free), and checks that it stays so.
+fn ticking(mut local: LocalSimulation, height: f64) -> impl FnMut() {
+    let mut tick = 0;
+    let mut step = move |height: f64| {
+        let report = local.tick(tip(tick, height), tip(tick + 1, height));
+        tick += 1;
+        report
+    };
+    // Down through the surface, as a collision needs.
+    (0..80).for_each(|i| drop(step(0.002 + (height - 0.002) * f64::from(i) / 79.0)));
+    (0..2000).for_each(|_| drop(step(height)));
+    move || {
+        let report = black_box(step(black_box(height)));
+        assert_eq!(report.touch.is_some(), height < 0.0, "the tick is not the one that is measured");
+    }
+}
+
+const PRESSED: f64 = -0.003;
+const HOVERING: f64 = 0.0005;
+
+fn main() {
+    let matrix = DMatrix::from_fn(42, 84, |i, j| ((i * 84 + j) as f64).sin());
+    let vector = DVector::from_fn(84, |i, _| (i as f64).cos());
+    let mut product = DVector::zeros(42);
+    let bare = move || product.gemv(1.0, black_box(&matrix), black_box(&vector), 0.0);
+    let mut cases: Vec<(&str, Box<dyn FnMut()>)> = vec![
+        ("nalgebra 42 x 84 matrix-vector product", Box::new(bare)),
+        ("tick in contact, stick-slip, faceted", Box::new(ticking(local(|_| {}), PRESSED))),
+        ("tick free, 0.5 mm above", Box::new(ticking(local(|_| {}), HOVERING))),
+        ("tick in contact, sliding, faceted", Box::new(ticking(local(|s| s.contact.law = Law::Sliding), PRESSED))),
+        (
+            "tick in contact, stick-slip, shaded",
+            Box::new(ticking(local(|s| s.contact.surface = ContactSurface::Shaded), PRESSED)),
+        ),
+        ("tick in contact, full network of 324 nodes", Box::new(ticking(local(|s| s.local = LocalSettings::FULL), PRESSED))),
+    ];
+
+    let mut criterion = Criterion::default().configure_from_args().sample_size(30);
+    let mut group = criterion.benchmark_group("tick");
+    for (name, case) in &mut cases {
+        group.bench_function(*name, |bencher| bencher.iter(&mut *case));
+    }
+    group.finish();
+    criterion.final_summary();
+    interleaved::print_ratios(&mut cases, 2000);
+}
