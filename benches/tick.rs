@@ -33,10 +33,12 @@ fn tip(tick: u64, height: f64) -> Vec3 {
 
 /// A closure that does one tick a call, already in contact (or free), and checks that it stays so.
 fn ticking(mut local: LocalSimulation, height: f64) -> impl FnMut() {
-    let mut tick = 0;
+    let (mut tick, mut before) = (0, tip(0, 0.002));
     let mut step = move |height: f64| {
-        let report = local.tick(tip(tick, height), tip(tick + 1, height));
         tick += 1;
+        let after = tip(tick, height);
+        let report = local.tick(before, after);
+        before = after;
         report
     };
     // Down through the surface, as a collision needs.

@@ -35,7 +35,6 @@ struct Sizes {
     ticks_per_cycle: u32,
     patch_nodes: usize,
     patch_springs: usize,
-    patch_triangles: usize,
 }
 
 #[derive(Serialize)]
@@ -44,9 +43,6 @@ struct TickCost {
     matrix: Option<[usize; 2]>,
     /// Springs evaluated, if they are not.
     springs: Option<usize>,
-    /// Moving triangles that a free tick sweeps; the others are in a tree of boxes.
-    swept_triangles: usize,
-    boxed_triangles: usize,
 }
 
 #[derive(Serialize)]
@@ -109,15 +105,12 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
         ticks_per_cycle: scene.ticks_per_cycle,
         patch_nodes: patch.len(),
         patch_springs: patch.springs.len(),
-        patch_triangles: patch.triangles.len(),
     };
     let linear = matches!(scene.local.linearization, Linearization::Tangent(_));
     let columns = if patch.springs.is_damped() || scene.material.drag != 0.0 { 6 } else { 3 };
     let cost_per_tick = TickCost {
         matrix: linear.then_some([3 * patch.len(), columns * patch.len()]),
         springs: (!linear).then_some(patch.springs.len()),
-        swept_triangles: patch.triangles.len(),
-        boxed_triangles: model.surface.triangles.len() - patch.triangles.len(),
     };
     let stages = match scene.global.integrator {
         GlobalIntegrator::SemiImplicitEuler => 1,
@@ -192,8 +185,8 @@ fn print(e: &Explanation) {
     println!("\nSizes");
     println!("  network   {nodes} nodes ({fixed_nodes} fixed), {springs} springs, {surface_triangles} surface triangles");
     println!(
-        "  patch     {} free nodes, {} springs, {} moving triangles (the first model; it follows the contact)",
-        e.sizes.patch_nodes, e.sizes.patch_springs, e.sizes.patch_triangles
+        "  patch     {} free nodes, {} springs (the first model; it follows the contact)",
+        e.sizes.patch_nodes, e.sizes.patch_springs
     );
     println!("  time      {} ticks, {} per global cycle", e.sizes.ticks, e.sizes.ticks_per_cycle);
     println!("\nIn the pipeline");
@@ -207,10 +200,7 @@ fn print(e: &Explanation) {
     if let Some(springs) = e.cost_per_tick.springs {
         println!("  {springs} springs, twice in contact");
     }
-    println!(
-        "  free: {} moving triangles swept, {} in a tree of boxes; in contact: the one below the tip",
-        e.cost_per_tick.swept_triangles, e.cost_per_tick.boxed_triangles
-    );
+    println!("  free: the triangles near the tip, found in a tree of boxes; in contact: the one below it");
     println!("\nCost per global cycle");
     let CycleCost { force_evaluations, springs, new_models } = e.cost_per_cycle;
     println!("  {force_evaluations} evaluations of {springs} springs, {new_models} new local model");

@@ -37,10 +37,7 @@ pub fn first_collision(start: &Shape, end: &Shape, q0: Vec3, q1: Vec3, hits: &mu
             hits.push(Collision { time, point: ContactPoint { triangle, weights } });
         }
     };
-    for &triangle in &start.model.patch.triangles {
-        consider(hits, triangle);
-    }
-    let reachable = tip.grown(start.model.exterior_reach(end.elapsed));
+    let reachable = tip.grown(start.reach().max(end.reach()));
     start.model.boxes.search(hits, |_, aabb| aabb.overlaps(&reachable), consider);
 
     let earliest = hits.iter().map(|hit| hit.time).fold(f64::INFINITY, f64::min);

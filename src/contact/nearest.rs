@@ -92,10 +92,7 @@ impl Shape<'_> {
                 *best = Some(candidate);
             }
         };
-        for &triangle in &self.model.patch.triangles {
-            consider(&mut best, triangle);
-        }
-        let reach = self.model.exterior_reach(self.elapsed);
+        let reach = self.reach();
         let enter = |best: &Option<Nearest>, aabb: &Aabb| {
             let limit = match best {
                 Some(best) if !fixed_bound => best.distance_squared,

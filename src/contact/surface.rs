@@ -92,6 +92,11 @@ impl<'a> Shape<'a> {
         self.model.surface.triangles[triangle as usize].map(|v| self.model.vertex(v, self.x, self.elapsed))
     }
 
+    /// How far, m, a vertex may be from where it was when the model was built.
+    pub fn reach(&self) -> f64 {
+        self.model.reach(self.x, self.elapsed)
+    }
+
     /// Where a contact point is, m.
     pub fn position(&self, point: &ContactPoint) -> Vec3 {
         point.position(self.corners(point.triangle))

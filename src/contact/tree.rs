@@ -1,10 +1,9 @@
-//! Boxes around the triangles of the exterior, so that a search costs by its answer and not by
-//! the size of the surface.
+//! Boxes around the triangles of a surface, so that a search costs by its answer and not by the size
+//! of the surface.
 
 use std::sync::Arc;
 
 use crate::Vec3;
-use crate::model::patch::OUTSIDE;
 use crate::model::surface::Surface;
 
 /// Triangles in one leaf, at most.
@@ -100,22 +99,17 @@ fn divide(nodes: &mut Vec<Node>, triangles: &mut [u32], first: usize, centres: &
     nodes[at].after = nodes.len() as u32;
 }
 
-/// The tree with boxes around those triangles that have no vertex in a patch.
+/// The tree with boxes around the triangles as they were when a local model was built. Vertices move
+/// on from there; a search allows for the furthest any of them has gone.
 #[derive(Debug, Clone)]
 pub struct Boxes {
     tree: Arc<TriangleTree>,
     boxes: Vec<Aabb>,
-    in_patch: Vec<bool>,
 }
 
 impl Boxes {
-    /// Boxes at the given vertex positions; triangles with a vertex in the patch stay out.
-    pub fn new(tree: Arc<TriangleTree>, surface: &Surface, vertices: &[Vec3], vertex_slot: &[u32]) -> Self {
-        let in_patch: Vec<bool> = surface
-            .triangles
-            .iter()
-            .map(|triangle| triangle.iter().any(|&vertex| vertex_slot[vertex as usize] != OUTSIDE))
-            .collect();
+    /// Boxes at the given vertex positions.
+    pub fn new(tree: Arc<TriangleTree>, surface: &Surface, vertices: &[Vec3]) -> Self {
         let mut boxes = vec![Aabb::EMPTY; tree.nodes.len()];
         // Children come after their parent: backwards, they are ready when it needs them.
         for (i, node) in tree.nodes.iter().enumerate().rev() {
@@ -123,14 +117,13 @@ impl Boxes {
                 boxes[i + 1].union(boxes[tree.nodes[i + 1].after as usize])
             } else {
                 let triangles = &tree.triangles[node.first as usize..(node.first + node.count) as usize];
-                let outside = triangles.iter().filter(|&&t| !in_patch[t as usize]);
-                Aabb::around(outside.flat_map(|&t| surface.triangles[t as usize]).map(|v| vertices[v as usize]))
+                Aabb::around(triangles.iter().flat_map(|&t| surface.triangles[t as usize]).map(|v| vertices[v as usize]))
             };
         }
-        Self { tree, boxes, in_patch }
+        Self { tree, boxes }
     }
 
-    /// Calls `visit` with every exterior triangle in a leaf that `enter` lets in. `enter` is asked
+    /// Calls `visit` with every triangle in a leaf that `enter` lets in. `enter` is asked
     /// for boxes on the way down, so what it closes over may narrow as triangles are visited.
     pub fn search<S>(&self, search: &mut S, enter: impl Fn(&S, &Aabb) -> bool, mut visit: impl FnMut(&mut S, u32)) {
         let mut i = 0;
@@ -140,9 +133,7 @@ impl Boxes {
                 continue;
             }
             for &triangle in &self.tree.triangles[node.first as usize..(node.first + node.count) as usize] {
-                if !self.in_patch[triangle as usize] {
-                    visit(search, triangle);
-                }
+                visit(search, triangle);
             }
             i += 1;
         }

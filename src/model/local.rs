@@ -51,7 +51,7 @@ pub enum ExteriorKind {
 pub struct Exterior {
     /// Position of each boundary node of the patch when the model was built, m.
     boundary: Vec<Vec3>,
-    /// Position of every surface vertex when the model was built, m; those of the patch are unused.
+    /// Position of every surface vertex when the model was built, m.
     vertices: Vec<Vec3>,
     motion: Motion,
 }
@@ -74,8 +74,10 @@ pub struct LocalModel {
     pub patch: Patch,
     /// The surface, whole.
     pub surface: Arc<Surface>,
-    /// Triangles without a vertex in the patch, boxed for searching; drifting ones at time zero.
+    /// The surface's triangles at time zero, boxed for searching.
     pub boxes: Boxes,
+    /// Where the patch's nodes were at time zero, m.
+    start: Vec<Vec3>,
     exterior: Exterior,
     forces: LocalForces,
     external: Vec<ExternalForce>,
@@ -168,7 +170,7 @@ impl LocalModelBuilder {
             LocalForces::Tangent(linear) => vec![0.0; linear.offset_len()],
             LocalForces::Springs => Vec::new(),
         };
-        let boxes = Boxes::new(self.tree.clone(), surface, &exterior.vertices, &patch.vertex_slot);
+        let boxes = Boxes::new(self.tree.clone(), surface, &exterior.vertices);
         let state = LocalState {
             f: vec![Vec3::zeros(); x.len()],
             x_predicted: x.clone(),
@@ -178,6 +180,7 @@ impl LocalModelBuilder {
             offset,
         };
         let model = LocalModel {
+            start: state.x[..patch.len()].to_vec(),
             patch,
             surface: self.surface.clone(),
             boxes,
@@ -245,11 +248,13 @@ impl LocalModel {
         }
     }
 
-    /// How far, m, an exterior vertex may be from its box after `elapsed` seconds.
-    pub fn exterior_reach(&self, elapsed: f64) -> f64 {
+    /// How far, m, a vertex may be from where it was when the model was built, given the patch's
+    /// positions at `elapsed` seconds.
+    pub fn reach(&self, x: &[Vec3], elapsed: f64) -> f64 {
+        let moved = self.start.iter().zip(x).map(|(start, x)| (x - start).norm_squared()).fold(0.0, f64::max).sqrt();
         match &self.exterior.motion {
-            Motion::Still => 0.0,
-            Motion::Drifting { fastest, .. } => fastest * elapsed,
+            Motion::Still => moved,
+            Motion::Drifting { fastest, .. } => moved.max(fastest * elapsed),
         }
     }
 

@@ -36,8 +36,6 @@ pub struct Patch {
     pub rest: Vec<Vec3>,
     /// Slot of each surface vertex, or [`OUTSIDE`].
     pub vertex_slot: Vec<u32>,
-    /// Surface triangles with a vertex in the patch, ascending.
-    pub triangles: Vec<u32>,
 }
 
 impl Patch {
@@ -132,7 +130,6 @@ impl PatchSelector {
         boundary.iter().zip(m..).for_each(|(&node, slot)| self.slot[node as usize] = slot);
 
         let mut springs: Vec<Spring> = Vec::new();
-        let mut triangles = Vec::new();
         let mut vertex_slot = vec![OUTSIDE; surface.vertex_node.len()];
         for &node in &nodes {
             let slot = self.slot[node as usize];
@@ -146,11 +143,8 @@ impl PatchSelector {
             let vertex = self.vertex_of_node[node as usize];
             if vertex != OUTSIDE {
                 vertex_slot[vertex as usize] = slot;
-                triangles.extend_from_slice(surface.incident(vertex));
             }
         }
-        triangles.sort_unstable();
-        triangles.dedup();
         nodes.iter().chain(&boundary).for_each(|&node| self.slot[node as usize] = OUTSIDE);
 
         let of_nodes = |values: &[f64]| nodes.iter().map(|&node| values[node as usize]).collect();
@@ -160,7 +154,6 @@ impl PatchSelector {
             inverse_mass: of_nodes(&network.inverse_mass),
             rest: nodes.iter().map(|&node| network.rest[node as usize]).collect(),
             vertex_slot,
-            triangles,
             nodes,
             boundary,
         }
