@@ -5,9 +5,12 @@ use std::time::Instant;
 
 const ROUNDS: usize = 60;
 
+/// A name, and what is timed.
+pub type Case = (&'static str, Box<dyn FnMut()>);
+
 /// Times `calls` calls of each case in turn and prints medians and quartiles of the ratio to the
 /// first.
-pub fn print_ratios(cases: &mut [(&str, Box<dyn FnMut()>)], calls: u32) {
+pub fn print_ratios(cases: &mut [Case], calls: u32) {
     let mut times = vec![Vec::with_capacity(ROUNDS); cases.len()];
     for _ in 0..ROUNDS {
         for ((_, case), times) in cases.iter_mut().zip(&mut times) {

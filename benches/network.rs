@@ -23,13 +23,8 @@ fn network(nodes: [usize; 3]) -> (Network, Arc<Surface>) {
     let block = Block { nodes, spacing: 0.0125, stencil: Stencil::Full };
     let mesh = block.mesh();
     let count = mesh.nodes.len();
-    let material = Material {
-        node_mass: vec![0.01; count],
-        stiffness: 100.0,
-        damping: 0.5,
-        drag: 0.0,
-        gravity: Vec3::zeros(),
-    };
+    let material =
+        Material { node_mass: vec![0.01; count], stiffness: 100.0, damping: 0.5, drag: 0.0, gravity: Vec3::zeros() };
     let fixed = (0..count).map(|i| block.is_bottom(i)).collect();
     (Network::new(&mesh, &material, fixed), Arc::new(Surface::new(&mesh).expect("a block")))
 }
@@ -74,7 +69,7 @@ fn main() {
     let sizes = [[9, 9, 4], [16, 16, 16], [32, 32, 32]];
     let (springs, sweep) = forces(sizes[1]);
     let (many_springs, large_sweep) = forces(sizes[2]);
-    let mut cases: Vec<(&str, Box<dyn FnMut()>)> = vec![
+    let mut cases: Vec<interleaved::Case> = vec![
         ("forces, 4,096 nodes, 46,620 springs", Box::new(sweep)),
         ("forces, 32,768 nodes", Box::new(large_sweep)),
         ("linearise one ring, 324 nodes", Box::new(linearise(sizes[0]))),

@@ -42,8 +42,12 @@ fn ticking(mut local: LocalSimulation, height: f64) -> impl FnMut() {
         report
     };
     // Down through the surface, as a collision needs.
-    (0..80).for_each(|i| drop(step(0.002 + (height - 0.002) * f64::from(i) / 79.0)));
-    (0..2000).for_each(|_| drop(step(height)));
+    for i in 0..80 {
+        step(0.002 + (height - 0.002) * f64::from(i) / 79.0);
+    }
+    for _ in 0..2000 {
+        step(height);
+    }
     move || {
         let report = black_box(step(black_box(height)));
         assert_eq!(report.touch.is_some(), height < 0.0, "the tick is not the one that is measured");
@@ -58,7 +62,7 @@ fn main() {
     let vector = DVector::from_fn(84, |i, _| (i as f64).cos());
     let mut product = DVector::zeros(42);
     let bare = move || product.gemv(1.0, black_box(&matrix), black_box(&vector), 0.0);
-    let mut cases: Vec<(&str, Box<dyn FnMut()>)> = vec![
+    let mut cases: Vec<interleaved::Case> = vec![
         ("nalgebra 42 x 84 matrix-vector product", Box::new(bare)),
         ("tick in contact, stick-slip, faceted", Box::new(ticking(local(|_| {}), PRESSED))),
         ("tick free, 0.5 mm above", Box::new(ticking(local(|_| {}), HOVERING))),
@@ -67,7 +71,10 @@ fn main() {
             "tick in contact, stick-slip, shaded",
             Box::new(ticking(local(|s| s.contact.surface = ContactSurface::Shaded), PRESSED)),
         ),
-        ("tick in contact, full network of 324 nodes", Box::new(ticking(local(|s| s.local = LocalSettings::FULL), PRESSED))),
+        (
+            "tick in contact, full network of 324 nodes",
+            Box::new(ticking(local(|s| s.local = LocalSettings::FULL), PRESSED)),
+        ),
     ];
 
     let mut criterion = Criterion::default().configure_from_args().sample_size(30);

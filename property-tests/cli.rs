@@ -103,7 +103,12 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
     ("fixed node beyond the mesh", "fixed = \"bottom\"", "fixed = { nodes = [324] }", &["mesh.fixed", "324"]),
     ("unknown fixture", "fixed = \"bottom\"", "fixed = { above_z = 0.0 }", &["below_z"]),
     ("a name with a path in it", "name = \"fig5-stick-slip\"", "name = \"../up\"", &["name"]),
-    ("missing recording", "kind = \"path\"", "kind = \"recording\"\nfile = \"none.csv\"", &["instrument.waypoints", "no effect"]),
+    (
+        "missing recording",
+        "kind = \"path\"",
+        "kind = \"recording\"\nfile = \"none.csv\"",
+        &["instrument.waypoints", "no effect"],
+    ),
     ("not TOML", "duration = 1.2", "duration := 1.2", &[":3:"]),
 ];
 
@@ -140,7 +145,9 @@ fn missing_files_are_named() {
     let output = run(&folder.path("none.toml"), &out);
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("none.toml") && stderr(&output).contains("fig5-stick-slip"));
-    let text = GOOD.replace("kind = \"path\" ", "kind = \"recording\"\nfile = \"none.csv\" ").replace("waypoints", "# waypoints");
+    let text = GOOD
+        .replace("kind = \"path\" ", "kind = \"recording\"\nfile = \"none.csv\" ")
+        .replace("waypoints", "# waypoints");
     let output = run(&folder.write("scene.toml", &text), &out);
     assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
     assert!(stderr(&output).contains("none.csv"), "{}", stderr(&output));
@@ -150,7 +157,9 @@ fn missing_files_are_named() {
 #[test]
 fn bad_recordings_are_named_with_their_line() {
     let folder = Folder::new("recordings");
-    let text = GOOD.replace("kind = \"path\" ", "kind = \"recording\"\nfile = \"tip.csv\" ").replace("waypoints", "# waypoints");
+    let text = GOOD
+        .replace("kind = \"path\" ", "kind = \"recording\"\nfile = \"tip.csv\" ")
+        .replace("waypoints", "# waypoints");
     let scene = folder.write("scene.toml", &text);
     for (csv, word) in [
         ("t,x,y\n0,0,0\n", "header"),
@@ -210,7 +219,11 @@ fn a_fault_ends_with_code_1_and_keeps_the_rows_before_it() {
     let out = folder.path("out");
     let output = run(Path::new("deep-stick-slip-faceted"), &out);
     assert_eq!(output.status.code(), Some(1));
-    assert!(stderr(&output).contains("fault at tick 884") && stderr(&output).contains("ran away"), "{}", stderr(&output));
+    assert!(
+        stderr(&output).contains("fault at tick 884") && stderr(&output).contains("ran away"),
+        "{}",
+        stderr(&output)
+    );
     let rows = fs::read_to_string(out.join("trace.csv")).expect("a trace").lines().count() - 1;
     assert_eq!(rows, 884);
 }
@@ -247,7 +260,8 @@ fn a_bad_scene_keeps_the_whole_report_from_starting() {
     let folder = Folder::new("bad-report");
     let scene = folder.write("bad.toml", "name = 1");
     let out = folder.path("out");
-    let output = stickslip(&["report", "fig3-sliding", &scene.display().to_string(), "--out", &out.display().to_string()]);
+    let output =
+        stickslip(&["report", "fig3-sliding", &scene.display().to_string(), "--out", &out.display().to_string()]);
     assert_eq!(output.status.code(), Some(2));
     assert!(!out.exists());
 }

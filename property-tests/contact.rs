@@ -2,6 +2,8 @@
 //! ground.
 
 use proptest::prelude::*;
+use std::sync::Arc;
+use stickslip::Vec3;
 use stickslip::contact::law::{Law, Mode};
 use stickslip::contact::nearest::nearest_on_triangle;
 use stickslip::contact::surface::{ContactPoint, ContactSurface, Projection, Shape, Visited};
@@ -13,8 +15,6 @@ use stickslip::model::network::{Material, Network, State};
 use stickslip::model::surface::Surface;
 use stickslip::pipeline;
 use stickslip::scene::{Expectation, SHIPPED, Scene};
-use stickslip::Vec3;
-use std::sync::Arc;
 
 use crate::check::{PRESS_AND_DRAG, Run, Worst, run, runner, scene, shipped, small_scene};
 
@@ -97,11 +97,8 @@ fn errors_of_local_models_are_those_of_an_independent_trial() {
     use stickslip::model::local::{ExteriorKind, Linearization};
     use stickslip::model::{patch::Extent, springs::TangentKind};
     let worst = Worst::new("numpy trial", "force error of local models (3 digits)", 0.0006);
-    let expected = [
-        ("deep-sliding", [0.100, 0.039]),
-        ("deep-sticking", [0.252, 0.133]),
-        ("deep-stick-slip", [0.149, 0.067]),
-    ];
+    let expected =
+        [("deep-sliding", [0.100, 0.039]), ("deep-sticking", [0.252, 0.133]), ("deep-stick-slip", [0.149, 0.067])];
     for (name, errors) in expected {
         let scene = shipped(name);
         let reference = run(&full(&scene)).force;
@@ -128,7 +125,9 @@ fn every_combination_runs_without_tunnelling() {
                         "rings = \"all\"\ntangent = \"stabilised\"",
                         "model = \"full\"",
                     ] {
-                        let contact = format!("{law}\nsurface = \"{surface}\"\ndeformation = \"{deformation}\"\nmetric = \"{metric}\"");
+                        let contact = format!(
+                            "{law}\nsurface = \"{surface}\"\ndeformation = \"{deformation}\"\nmetric = \"{metric}\""
+                        );
                         let run = run(&small_scene(&contact, local, PRESS_AND_DRAG));
                         assert!(run.fault.is_none(), "{contact} {local}: {:?}", run.fault);
                         assert_eq!(run.tunnelling_ticks, 0, "{contact} {local}");

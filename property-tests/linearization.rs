@@ -2,15 +2,15 @@
 
 use nalgebra::Complex;
 use proptest::prelude::*;
+use std::sync::Arc;
 use stickslip::Vec3;
 use stickslip::model::linearization::LinearForces;
-use stickslip::model::network::{Material, Network, State};
 use stickslip::model::local::{ExteriorKind, Linearization, LocalModelBuilder, LocalSettings};
 use stickslip::model::mesh::{Block, Stencil};
+use stickslip::model::network::{Material, Network, State};
 use stickslip::model::patch::{Extent, PatchSelector};
 use stickslip::model::springs::{Spring, TangentKind};
 use stickslip::model::surface::Surface;
-use std::sync::Arc;
 
 use crate::check::{Worst, runner};
 
@@ -94,7 +94,9 @@ fn spring_jacobians_are_those_of_differences() {
             let by_v = (at(d, omega + e * step_v) - at(d, omega - e * step_v)) / (2.0 * step_v);
             worst.case((along_x.column(axis) - by_x).norm() / along_x.norm())?;
             // f is linear in ω, but a small part of it.
-            worst.case((along_v.column(axis) - by_v).norm() * step_v / at(d, omega).norm().max(step_v * along_v.norm()))?;
+            worst.case(
+                (along_v.column(axis) - by_v).norm() * step_v / at(d, omega).norm().max(step_v * along_v.norm()),
+            )?;
         }
         Ok(())
     });
@@ -230,6 +232,9 @@ fn drifting_exterior_is_right_to_first_order_in_time() {
     };
     assert!(missed(0.0) <= 1e-14, "at the start they agree: {:e}", missed(0.0));
     let order = (missed(2e-3) / missed(1e-3)).log2();
-    println!("RESIDUAL | nonlinear springs | order in time of a drifting tangent (2) | 0.1 | {:.2}", (order - 2.0).abs());
+    println!(
+        "RESIDUAL | nonlinear springs | order in time of a drifting tangent (2) | 0.1 | {:.2}",
+        (order - 2.0).abs()
+    );
     assert!((order - 2.0).abs() <= 0.1, "order {order}");
 }

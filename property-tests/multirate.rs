@@ -27,7 +27,9 @@ fn a_patch_of_all_springs_is_the_full_network() {
 
 #[test]
 fn more_rings_and_shorter_cycles_come_closer_to_the_full_network() {
-    let scene = |local: &str| small_scene("law = \"sticking\"\nsurface = \"shaded\"\ndeformation = \"least-norm\"", local, PRESS_AND_DRAG);
+    let scene = |local: &str| {
+        small_scene("law = \"sticking\"\nsurface = \"shaded\"\ndeformation = \"least-norm\"", local, PRESS_AND_DRAG)
+    };
     let reference = run(&scene("model = \"full\"")).force;
     let error = |scene: &Scene| relative_rms(&run(scene).force, &reference);
     let [one, two, all] = ["rings = 1", "rings = 2", "rings = \"all\""].map(|rings| error(&scene(rings)));
@@ -62,9 +64,7 @@ fn replay_and_overwrite_differ_only_in_the_exterior() {
         scene.global.sync = sync;
         run(&scene).force
     };
-    let difference = |rings: &str| {
-        relative_rms(&forces(rings, SyncMode::Overwrite), &forces(rings, SyncMode::Replay))
-    };
+    let difference = |rings: &str| relative_rms(&forces(rings, SyncMode::Overwrite), &forces(rings, SyncMode::Replay));
     assert_eq!(difference("rings = \"all\""), 0.0);
     assert!(difference("rings = 1") > 1e-3);
 }
@@ -73,7 +73,11 @@ fn replay_and_overwrite_differ_only_in_the_exterior() {
 /// patch must come down with the full one.
 #[test]
 fn replay_follows_the_network_where_the_patch_is_exact() {
-    let mut scene = small_scene(LAWS[0], "rings = 1\nlinearization = \"none\"\nexterior = \"drifting\"", "[[0.0, 0.0, 0.001, 0.02]]");
+    let mut scene = small_scene(
+        LAWS[0],
+        "rings = 1\nlinearization = \"none\"\nexterior = \"drifting\"",
+        "[[0.0, 0.0, 0.001, 0.02]]",
+    );
     scene.material.gravity = Vec3::new(0.0, 0.0, -1.0);
     let mut full = scene.clone();
     full.local = LocalSettings::FULL;
@@ -109,7 +113,10 @@ fn integrators_of_the_global_side_agree_when_steps_are_short() {
     let reference = forces(GlobalIntegrator::Rk4, 1600);
     let errors = [100, 200, 400].map(|n| relative_rms(&forces(GlobalIntegrator::SemiImplicitEuler, n), &reference));
     let order = (errors[1] / errors[2]).log2();
-    println!("RESIDUAL | RK4, 1600 substeps | order of the Euler replay in the substep, distance from 1 | 0.3 | {:.2}", (order - 1.0).abs());
+    println!(
+        "RESIDUAL | RK4, 1600 substeps | order of the Euler replay in the substep, distance from 1 | 0.3 | {:.2}",
+        (order - 1.0).abs()
+    );
     assert!(errors[2] < errors[0] && (order - 1.0).abs() <= 0.3, "{errors:?}, order {order}");
 }
 

@@ -192,8 +192,7 @@ pub fn dense_jacobian(network: &Network) -> (DMatrix<f64>, DMatrix<f64>) {
     let (mut k, mut d) = (DMatrix::zeros(dof, dof), DMatrix::zeros(dof, dof));
     for spring in network.springs.iter() {
         let [i, j] = spring.nodes.map(|node| node as usize);
-        let (along_x, along_v) =
-            spring.jacobian(network.rest[j] - network.rest[i], Vec3::zeros(), TangentKind::Exact);
+        let (along_x, along_v) = spring.jacobian(network.rest[j] - network.rest[i], Vec3::zeros(), TangentKind::Exact);
         for (matrix, block) in [(&mut k, along_x), (&mut d, along_v)] {
             for (row, column, sign) in [(i, i, -1.0), (i, j, 1.0), (j, i, 1.0), (j, j, -1.0)] {
                 let mut view = matrix.view_mut((3 * row, 3 * column), (3, 3));

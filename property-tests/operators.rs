@@ -115,8 +115,8 @@ fn case() -> impl Strategy<Value = Case> {
     (3..6_usize).prop_flat_map(|nodes| {
         let mass = prop::collection::vec((-3.0..3.0_f64).prop_map(|e| 10.0_f64.powf(e)), nodes);
         let vectors = prop::collection::vec(prop::collection::vec(-1.0..1.0_f64, 3 * nodes), 3 * nodes);
-        let direction = prop::array::uniform3(-1.0..1.0_f64)
-            .prop_filter_map("a direction", |d| Vec3::from(d).try_normalize(1e-2));
+        let direction =
+            prop::array::uniform3(-1.0..1.0_f64).prop_filter_map("a direction", |d| Vec3::from(d).try_normalize(1e-2));
         let metric = prop_oneof![Just(Metric::Euclidean), Just(Metric::Mass)];
         // Which of the three are fixed; at least one with weight stays free.
         let fixed = prop_oneof![4 => Just([false; 3]), 1 => any::<[bool; 3]>()];
@@ -130,7 +130,7 @@ fn case() -> impl Strategy<Value = Case> {
                 }
                 let s: f64 = weights.iter().map(|w| w * w).sum();
                 let vectors = vectors.into_iter().map(DVector::from_vec).collect();
-                (s > 0.04).then(|| Case { frame: ContactFrame { weights, mass, normal, metric }, vectors, rotation })
+                (s > 0.04).then_some(Case { frame: ContactFrame { weights, mass, normal, metric }, vectors, rotation })
             },
         )
     })
@@ -269,7 +269,8 @@ fn euclidean_metric_raises_kinetic_energy_with_unequal_masses() {
 
 /// Node forces over twelve decades.
 fn forces() -> impl Strategy<Value = Vec<Vec3>> {
-    let component = (-6.0..6.0_f64, any::<bool>()).prop_map(|(e, minus)| 10.0_f64.powf(e) * if minus { -1.0 } else { 1.0 });
+    let component =
+        (-6.0..6.0_f64, any::<bool>()).prop_map(|(e, minus)| 10.0_f64.powf(e) * if minus { -1.0 } else { 1.0 });
     prop::collection::vec(prop::array::uniform3(component).prop_map(Vec3::from), 6)
 }
 

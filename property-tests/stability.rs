@@ -63,7 +63,10 @@ fn predicted_limit_is_where_the_spectral_radius_reaches_one() {
         let limit = explicit_step_limit(&network.springs, &network.rest, &network.inverse_mass, drag).step;
         let below = spectral_radius(&network, limit * (1.0 - bracket));
         let above = spectral_radius(&network, limit * (1.0 + bracket));
-        println!("RESIDUAL | one-step matrix | spectral radius at the limit, c = {damping}, b = {drag} | {bracket:.0e} | {:.1e} ms, {below:.6}..{above:.6}", 1e3 * limit);
+        println!(
+            "RESIDUAL | one-step matrix | spectral radius at the limit, c = {damping}, b = {drag} | {bracket:.0e} | {:.1e} ms, {below:.6}..{above:.6}",
+            1e3 * limit
+        );
         // Undamped modes are on the unit circle at every stable step.
         assert!(below <= 1.0 + 1e-9, "c = {damping}, b = {drag}: {below} just below the limit");
         assert!(above > 1.0 + 1e-6, "c = {damping}, b = {drag}: {above} just above the limit");
@@ -98,7 +101,8 @@ fn the_limit_separates_decay_from_growth() {
         (0..27).for_each(|i| state.v[i] += Vec3::new((i as f64).sin(), (2.0 * i as f64).sin(), 0.1) * 1e-6);
         state.v.iter_mut().zip(&network.fixed).filter(|(_, fixed)| **fixed).for_each(|(v, _)| *v = Vec3::zeros());
         let mut stepper = Stepper::new(&network);
-        (0..3000).for_each(|_| stepper.step(GlobalIntegrator::SemiImplicitEuler, &network, &mut state, h, &Unconstrained));
+        (0..3000)
+            .for_each(|_| stepper.step(GlobalIntegrator::SemiImplicitEuler, &network, &mut state, h, &Unconstrained));
         state.v.iter().map(Vec3::norm).fold(0.0, f64::max)
     };
     assert!(grown(0.99 * limit) < 1e-8, "just below: {:e}", grown(0.99 * limit));

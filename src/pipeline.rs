@@ -10,7 +10,9 @@ use crate::contact::tick::{LocalSimulation, TickReport};
 use crate::device::failsafe::{FailSafe, Fault};
 use crate::device::instrument::TipPath;
 use crate::dynamics::energy::EnergyBook;
-use crate::dynamics::global::{CycleMessage, CycleSettings, GlobalSimulation, Keep, ModelMessage, SyncMode, Trajectory};
+use crate::dynamics::global::{
+    CycleMessage, CycleSettings, GlobalSimulation, Keep, ModelMessage, SyncMode, Trajectory,
+};
 use crate::model::local::LocalModelBuilder;
 use crate::model::network::Network;
 use crate::model::patch::Extent;
@@ -178,7 +180,17 @@ impl Simulation {
             }
             energy.book(&self.local, &report, tip_before, tip, self.tick);
             let local = &self.local;
-            observe(&TickView { tick, time, tip_before, tip, force, report: &report, local, model_age, energy: &energy });
+            observe(&TickView {
+                tick,
+                time,
+                tip_before,
+                tip,
+                force,
+                report: &report,
+                local,
+                model_age,
+                energy: &energy,
+            });
             tip_before = tip;
         }
         Ok(())

@@ -183,7 +183,9 @@ fn print(e: &Explanation) {
     let Sizes { nodes, fixed_nodes, springs, surface_triangles, .. } = e.sizes;
     println!("{}", e.scene);
     println!("\nSizes");
-    println!("  network   {nodes} nodes ({fixed_nodes} fixed), {springs} springs, {surface_triangles} surface triangles");
+    println!(
+        "  network   {nodes} nodes ({fixed_nodes} fixed), {springs} springs, {surface_triangles} surface triangles"
+    );
     println!(
         "  patch     {} free nodes, {} springs (the first model; it follows the contact)",
         e.sizes.patch_nodes, e.sizes.patch_springs

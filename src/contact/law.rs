@@ -65,7 +65,6 @@ impl Law {
             }
         }
     }
-
 }
 
 impl Mode {

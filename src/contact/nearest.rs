@@ -73,7 +73,8 @@ impl Shape<'_> {
     }
 
     fn nearest_feature(&self, q: Vec3) -> Option<Nearest> {
-        let least = self.sweep(q, f64::INFINITY, |best, candidate| candidate.distance_squared < best.distance_squared)?;
+        let least =
+            self.sweep(q, f64::INFINITY, |best, candidate| candidate.distance_squared < best.distance_squared)?;
         let bound = least.distance_squared + SAME_DISTANCE_SQUARED;
         self.sweep(q, bound, |best, candidate| candidate.point.triangle < best.point.triangle)
     }
@@ -124,11 +125,7 @@ impl Shape<'_> {
             }
             Feature::Corner(corner) => {
                 let vertex = surface.triangles[triangle as usize][corner];
-                surface
-                    .incident(vertex)
-                    .iter()
-                    .map(|&t| self.unit_face_normal(t) * self.angle(t, vertex))
-                    .sum()
+                surface.incident(vertex).iter().map(|&t| self.unit_face_normal(t) * self.angle(t, vertex)).sum()
             }
         };
         let offset = q - nearest.point.position(self.corners(triangle));

@@ -298,8 +298,7 @@ impl LocalSimulation {
     fn respond(&mut self, meeting: Meeting, q0: Vec3, q1: Vec3) -> TickReport {
         let Meeting { point, elapsed, rest, collision_time } = meeting;
         let shape = Shape { model: &self.model, x: &self.state.x, elapsed };
-        let touch =
-            Touch { point, position: shape.position(&point), normal: shape.normal(self.rules.surface, &point) };
+        let touch = Touch { point, position: shape.position(&point), normal: shape.normal(self.rules.surface, &point) };
         shape.support(self.rules.metric, &point, &mut self.support);
         if self.support.free_weight() < RIGID_BELOW {
             return self.respond_rigidly(touch, collision_time, q0, q1);

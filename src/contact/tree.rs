@@ -18,8 +18,10 @@ pub struct Aabb {
 
 impl Aabb {
     /// The box that contains nothing.
-    pub const EMPTY: Self =
-        Self { lower: Vec3::new(f64::INFINITY, f64::INFINITY, f64::INFINITY), upper: Vec3::new(f64::NEG_INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY) };
+    pub const EMPTY: Self = Self {
+        lower: Vec3::new(f64::INFINITY, f64::INFINITY, f64::INFINITY),
+        upper: Vec3::new(f64::NEG_INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY),
+    };
 
     /// The smallest box around some points.
     #[inline]
@@ -117,7 +119,9 @@ impl Boxes {
                 boxes[i + 1].union(boxes[tree.nodes[i + 1].after as usize])
             } else {
                 let triangles = &tree.triangles[node.first as usize..(node.first + node.count) as usize];
-                Aabb::around(triangles.iter().flat_map(|&t| surface.triangles[t as usize]).map(|v| vertices[v as usize]))
+                Aabb::around(
+                    triangles.iter().flat_map(|&t| surface.triangles[t as usize]).map(|v| vertices[v as usize]),
+                )
             };
         }
         Self { tree, boxes }

@@ -73,7 +73,13 @@ impl FailSafe {
     ///
     /// # Errors
     /// With the fault, in this tick and every later one.
-    pub fn command(&mut self, tick: u64, tip: Vec3, local: &LocalSimulation, report: &TickReport) -> Result<Vec3, Fault> {
+    pub fn command(
+        &mut self,
+        tick: u64,
+        tip: Vec3,
+        local: &LocalSimulation,
+        report: &TickReport,
+    ) -> Result<Vec3, Fault> {
         if self.latched.is_none()
             && let Some(cause) = self.cause(local, report)
         {

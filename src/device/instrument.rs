@@ -150,9 +150,6 @@ mod tests {
             TipPath::new(vec![waypoint(0.0, 0.0), waypoint(0.0, 1.0)]),
             Err(PathError::NotAscending { index: 1, .. })
         ));
-        assert!(matches!(
-            TipPath::new(vec![waypoint(0.0, f64::NAN)]),
-            Err(PathError::NotFinite { index: 0 })
-        ));
+        assert!(matches!(TipPath::new(vec![waypoint(0.0, f64::NAN)]), Err(PathError::NotFinite { index: 0 })));
     }
 }

@@ -79,13 +79,7 @@ impl Stepper {
     }
 
     /// Forces at the start, then positions by the new velocities.
-    fn semi_implicit_euler(
-        &mut self,
-        network: &Network,
-        state: &mut State,
-        h: f64,
-        constraint: &impl Constraint,
-    ) {
+    fn semi_implicit_euler(&mut self, network: &Network, state: &mut State, h: f64, constraint: &impl Constraint) {
         constraint.state(0.0, state);
         network.forces(&state.x, &state.v, &mut self.f);
         accelerate(network, &mut self.f);

@@ -70,7 +70,10 @@ impl Pencil {
             seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             (seed >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
         };
-        self.root_inverse_mass.iter().map(|&w| if w > 0.0 { Vec3::from_fn(|_, _| noise()) } else { Vec3::zeros() }).collect()
+        self.root_inverse_mass
+            .iter()
+            .map(|&w| if w > 0.0 { Vec3::from_fn(|_, _| noise()) } else { Vec3::zeros() })
+            .collect()
     }
 
     /// The mode with the largest κ + share·d, refined from `mode`; returns its (d, κ).

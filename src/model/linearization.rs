@@ -11,7 +11,7 @@ const PANEL: usize = 16;
 
 /// Linear forces over a patch of m nodes.
 ///
-/// \[K D\] is stored in panels of [`PANEL`] rows, each column by column, so that the product
+/// \[K D\] is stored in panels of 16 rows, each column by column, so that the product
 /// streams through memory once and the compiler can vectorise over rows. Without dampers and drag
 /// there is no D.
 #[derive(Debug, Clone)]

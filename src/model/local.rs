@@ -143,11 +143,8 @@ impl LocalModelBuilder {
                 Motion::Drifting { boundary: of(&state.v, &patch.boundary), vertices, fastest }
             }
         };
-        let exterior = Exterior {
-            boundary: of(&state.x, &patch.boundary),
-            vertices: of(&state.x, &surface.vertex_node),
-            motion,
-        };
+        let exterior =
+            Exterior { boundary: of(&state.x, &patch.boundary), vertices: of(&state.x, &surface.vertex_node), motion };
 
         let mut x = of(&state.x, &patch.nodes);
         x.extend_from_slice(&exterior.boundary);
@@ -210,12 +207,7 @@ impl LocalModel {
     }
 
     /// Brings `state.f` up to date after the nodes in `moved` were displaced by the given amounts.
-    pub fn update_forces(
-        &self,
-        elapsed: f64,
-        state: &mut LocalState,
-        moved: impl Iterator<Item = (usize, Vec3)>,
-    ) {
+    pub fn update_forces(&self, elapsed: f64, state: &mut LocalState, moved: impl Iterator<Item = (usize, Vec3)>) {
         match &self.forces {
             LocalForces::Tangent(linear) => {
                 moved.for_each(|(slot, delta)| linear.add_displacement(slot, delta, &mut state.f));

@@ -105,11 +105,7 @@ impl Block {
     /// On how many of the three directions' boundaries each node lies: 0 inside, 1 on a face,
     /// 2 on an edge, 3 at a corner.
     pub fn boundary_directions(&self, node: usize) -> u32 {
-        self.lattice(node)
-            .iter()
-            .zip(self.nodes)
-            .map(|(&i, count)| u32::from(i == 0 || i == count - 1))
-            .sum()
+        self.lattice(node).iter().zip(self.nodes).map(|(&i, count)| u32::from(i == 0 || i == count - 1)).sum()
     }
 
     /// Builds the mesh.
@@ -202,14 +198,15 @@ mod tests {
 
     #[test]
     fn every_edge_has_the_length_of_its_stencil_and_appears_once() {
-        for (stencil, longest) in [(Stencil::Structural, 1.0), (Stencil::Shear, 2.0_f64.sqrt()), (Stencil::Full, 3.0_f64.sqrt())] {
+        for (stencil, longest) in
+            [(Stencil::Structural, 1.0), (Stencil::Shear, 2.0_f64.sqrt()), (Stencil::Full, 3.0_f64.sqrt())]
+        {
             let mesh = Block { nodes: [4, 3, 5], spacing: 1.0, stencil }.mesh();
             let lengths: Vec<f64> =
                 mesh.edges.iter().map(|&[i, j]| (mesh.nodes[j as usize] - mesh.nodes[i as usize]).norm()).collect();
             let max = lengths.iter().copied().fold(0.0, f64::max);
             assert!((max - longest).abs() < 1e-12, "{stencil:?}: longest edge {max}");
-            let unique: std::collections::HashSet<_> =
-                mesh.edges.iter().map(|&[i, j]| (i.min(j), i.max(j))).collect();
+            let unique: std::collections::HashSet<_> = mesh.edges.iter().map(|&[i, j]| (i.min(j), i.max(j))).collect();
             assert_eq!(unique.len(), mesh.edges.len());
         }
     }

@@ -163,7 +163,8 @@ impl Network {
     /// Potential energy of the nodes that never move, J.
     pub fn fixed_potential(&self) -> f64 {
         let nodes = self.fixed.iter().zip(&self.mass).zip(&self.rest).filter(|((fixed, _), _)| **fixed);
-        let potential = |mass: f64, x: &Vec3| self.external.iter().fold(0.0, |sum, force| sum + force.potential(mass, x));
+        let potential =
+            |mass: f64, x: &Vec3| self.external.iter().fold(0.0, |sum, force| sum + force.potential(mass, x));
         nodes.fold(0.0, |sum, ((_, mass), x)| sum + potential(*mass, x))
     }
 

@@ -17,7 +17,9 @@ pub enum SurfaceError {
         nodes: [u32; 3],
     },
     /// More than two triangles meet at an edge, or two with opposite orientation.
-    #[error("triangles {first} and {second} both run from node {from} to node {to}: the surface is not a consistently oriented manifold")]
+    #[error(
+        "triangles {first} and {second} both run from node {from} to node {to}: the surface is not a consistently oriented manifold"
+    )]
     NotManifold {
         /// Where the shared half-edge starts.
         from: u32,

@@ -8,7 +8,10 @@ pub const KEYS: &[(&str, &str)] = &[
     ("mesh.kind", "\"block\" (default)"),
     ("mesh.nodes", "three whole numbers of at least 2: nodes along x, y and z"),
     ("mesh.spacing", "a finite number above 0, in m"),
-    ("mesh.stencil", "\"structural\" (edges), \"shear\" (and face diagonals; default) or \"full\" (and body diagonals)"),
+    (
+        "mesh.stencil",
+        "\"structural\" (edges), \"shear\" (and face diagonals; default) or \"full\" (and body diagonals)",
+    ),
     (
         "mesh.fixed",
         "\"bottom\" (default), \"none\", { below_z = a finite number in m } or { nodes = [indices below the number of nodes] }",
@@ -43,7 +46,10 @@ pub const KEYS: &[(&str, &str)] = &[
     ("contact.wall_damping", "a finite number of at least 0, in N·s/m (default 0)"),
     ("instrument", "a table with `waypoints`, or with `kind = \"recording\"` and `file`"),
     ("instrument.kind", "\"path\" (default) or \"recording\""),
-    ("instrument.waypoints", "a list of at least one [t, x, y, z], finite, in s and m, with ascending t; only with `kind = \"path\"`"),
+    (
+        "instrument.waypoints",
+        "a list of at least one [t, x, y, z], finite, in s and m, with ascending t; only with `kind = \"path\"`",
+    ),
     (
         "instrument.file",
         "a CSV file with the header t,x,y,z, in s and m, with ascending t, relative to the scene; only with `kind = \"recording\"`",

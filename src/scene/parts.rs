@@ -3,13 +3,13 @@
 use std::fmt;
 
 use super::Scene;
+use crate::Vec3;
 use crate::contact::law::Law;
 use crate::contact::operators::Metric;
 use crate::contact::surface::ContactSurface;
 use crate::dynamics::global::SyncMode;
 use crate::model::local::{ExteriorKind, Linearization};
 use crate::model::patch::Extent;
-use crate::Vec3;
 
 /// A part of the pipeline that not every scene needs.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -64,7 +64,11 @@ impl Scene {
         };
         let material = &self.material;
         vec![
-            part("gravity", material.gravity != Vec3::zeros(), format!("material.gravity = {:?}", material.gravity.as_slice())),
+            part(
+                "gravity",
+                material.gravity != Vec3::zeros(),
+                format!("material.gravity = {:?}", material.gravity.as_slice()),
+            ),
             part("node drag", material.drag != 0.0, format!("material.drag = {}", material.drag)),
             part("spring dampers", material.damping != 0.0, format!("material.damping = {}", material.damping)),
             part("friction", matches!(self.contact.law, Law::StickSlip { .. }), law_is.clone()),
@@ -73,10 +77,18 @@ impl Scene {
             part("mass metric", weighted, metric_is.to_owned()),
             part("vertex normals", shaded, surface_is.to_owned()),
             part("linearisation (K, D)", linear, linear_is.to_owned()),
-            part("exterior at rest or moving", !takes_all, if self.is_full { model.to_owned() } else { format!("local.rings: {:?}", self.local.extent) }),
+            part(
+                "exterior at rest or moving",
+                !takes_all,
+                if self.is_full { model.to_owned() } else { format!("local.rings: {:?}", self.local.extent) },
+            ),
             part("exterior drift", drifts && !takes_all, exterior_is.to_owned()),
             part("replay of the patch's path", replays, sync_is.to_owned()),
-            part("hand-over latency", self.global.latency_ticks > 0, format!("sync.latency_ticks = {}", self.global.latency_ticks)),
+            part(
+                "hand-over latency",
+                self.global.latency_ticks > 0,
+                format!("sync.latency_ticks = {}", self.global.latency_ticks),
+            ),
             part("haptic device", false, "the instrument follows a path".to_owned()),
         ]
     }

@@ -94,9 +94,8 @@ impl Checker {
         let whole = |ratio: f64| {
             ((ratio - ratio.round()).abs() <= WHOLE_NUMBER_TOLERANCE * ratio && ratio >= 0.5).then_some(ratio.round())
         };
-        let ticks_per_cycle = whole(local_rate / global_rate)
-            .filter(|&ratio| ratio <= f64::from(u32::MAX))
-            .ok_or_else(|| {
+        let ticks_per_cycle =
+            whole(local_rate / global_rate).filter(|&ratio| ratio <= f64::from(u32::MAX)).ok_or_else(|| {
                 let (key, span) = match (&file.local.rate, &file.global.rate) {
                     (Some(rate), _) => ("local.rate", rate.span()),
                     (None, Some(rate)) => ("global.rate", rate.span()),
@@ -136,8 +135,7 @@ impl Checker {
             latency_ticks,
         };
         let is_full = matches!(file.local.model, LocalModelName::Full);
-        let source =
-            Source { text: self.source.clone(), instrument: file.instrument.span(), mesh: file.mesh.span() };
+        let source = Source { text: self.source.clone(), instrument: file.instrument.span(), mesh: file.mesh.span() };
         Ok(Scene {
             name,
             duration,
@@ -165,12 +163,7 @@ impl Checker {
         Err(self.error(Problem::NotAccepted { key: "name", value: format!("{text:?}") }, name.span()))
     }
 
-    fn mesh(
-        &self,
-        table: &Spanned<MeshTable>,
-        local: &LocalSettings,
-        ticks: u64,
-    ) -> Placed<(Block, Vec<bool>)> {
+    fn mesh(&self, table: &Spanned<MeshTable>, local: &LocalSettings, ticks: u64) -> Placed<(Block, Vec<bool>)> {
         let mesh = table.get_ref();
         let MeshKind::Block = mesh.kind;
         let nodes = *mesh.nodes.get_ref();
@@ -215,7 +208,9 @@ impl Checker {
         let mib = |bytes: u128| bytes >> 20;
         let problem =
             Problem::TooLarge { nodes, springs, ticks, needed_mib: mib(needed), available_mib: mib(available) };
-        Err(self.error(problem, span).with_help("give fewer nodes (at most 2³² − 2), fewer rings or a shorter duration"))
+        Err(self
+            .error(problem, span)
+            .with_help("give fewer nodes (at most 2³² − 2), fewer rings or a shorter duration"))
     }
 
     fn fixed(&self, fixed: &Option<Spanned<Fixed>>, block: &Block) -> Placed<Vec<bool>> {
@@ -386,9 +381,7 @@ impl Checker {
                 let key = "instrument.waypoints";
                 let span = file.as_ref().map(Spanned::span);
                 self.no_effect("instrument.file", span, "`instrument.kind = \"path\"`")?;
-                let list = waypoints
-                    .as_ref()
-                    .ok_or_else(|| self.error(Problem::Missing(key), table.span()))?;
+                let list = waypoints.as_ref().ok_or_else(|| self.error(Problem::Missing(key), table.span()))?;
                 let mut path = Vec::with_capacity(list.get_ref().len());
                 for waypoint in list.get_ref() {
                     let &[time, x, y, z] = waypoint.get_ref().as_slice() else {
