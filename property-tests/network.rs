@@ -202,3 +202,45 @@ pub fn dense_jacobian(network: &Network) -> (DMatrix<f64>, DMatrix<f64>) {
     }
     (k, d)
 }
+
+/// The packed sweep against springs one by one: random networks, springs given in either direction,
+/// several between the same nodes, and node numbers near the end where no packet fits.
+#[test]
+fn packed_springs_are_the_same_springs() {
+    use proptest::prelude::*;
+    // Sums of up to some dozen forces per node. Measured: 4e-16.
+    let worst = Worst::new("springs one by one", "packed forces, relative to the largest", 1e-14);
+    let spring = (0..24_u32, 1..24_u32, 1.0..100.0_f64, prop_oneof![Just(0.0), 0.1..1.0_f64], 0.1..2.0_f64);
+    let vectors = || prop::collection::vec(prop::array::uniform3(-1.0..1.0_f64), 24);
+    let case = (prop::collection::vec(spring, 1..300), vectors(), vectors());
+    let run = crate::check::runner(500).run(&case, |(springs, x, v)| {
+        let springs: Vec<Spring> = springs
+            .into_iter()
+            .map(|(i, step, stiffness, damping, rest_length)| Spring {
+                nodes: [i, (i + step) % 24],
+                stiffness,
+                damping,
+                rest_length,
+            })
+            .collect();
+        let (x, v) =
+            (x.into_iter().map(Vec3::from).collect::<Vec<_>>(), v.into_iter().map(Vec3::from).collect::<Vec<_>>());
+        let mut expected = vec![Vec3::zeros(); 24];
+        for s in &springs {
+            let [i, j] = s.nodes.map(|node| node as usize);
+            let (d, omega) = (x[j] - x[i], v[j] - v[i]);
+            let u = d / d.norm();
+            let force = u * (s.stiffness * (d.norm() - s.rest_length) + s.damping * omega.dot(&u));
+            expected[i] += force;
+            expected[j] -= force;
+        }
+        let mut f = vec![Vec3::zeros(); 24];
+        stickslip::model::springs::Springs::new(24, &springs).add_forces(&x, &v, &mut f);
+        let scale = expected.iter().map(Vec3::norm).fold(0.0, f64::max);
+        for (f, expected) in f.iter().zip(&expected) {
+            worst.case((f - expected).norm() / scale)?;
+        }
+        Ok(())
+    });
+    run.unwrap();
+}
