@@ -41,7 +41,7 @@ fn forces(nodes: [usize; 3]) -> (usize, impl FnMut()) {
     (network.springs.len(), move || network.forces(black_box(&state.x), black_box(&state.v), &mut f))
 }
 
-/// Selecting and linearising a patch of one ring in the middle of the top.
+/// Linearising a patch of one ring in the middle of the top.
 fn linearise(nodes: [usize; 3]) -> impl FnMut() {
     let (network, surface) = network(nodes);
     let state = network.rest_state();
@@ -52,6 +52,17 @@ fn linearise(nodes: [usize; 3]) -> impl FnMut() {
     let v = vec![Vec3::zeros(); x.len()];
     move || {
         black_box(LinearForces::new(&patch, &network.external, black_box(&x), &v, None, TangentKind::Exact));
+    }
+}
+
+/// Selecting that patch: the nearest of all surface vertices, then its rings.
+fn select(nodes: [usize; 3]) -> impl FnMut() {
+    let (network, surface) = network(nodes);
+    let state = network.rest_state();
+    let mut selector = PatchSelector::new(&network, &surface);
+    move || {
+        let x = black_box(&state.x);
+        drop(black_box(selector.select(&network, &surface, x, Vec3::zeros(), None, Extent::Rings(1))));
     }
 }
 
@@ -75,6 +86,9 @@ fn main() {
         ("linearise one ring, 324 nodes", Box::new(linearise(sizes[0]))),
         ("linearise one ring, 4,096 nodes", Box::new(linearise(sizes[1]))),
         ("linearise one ring, 32,768 nodes", Box::new(linearise(sizes[2]))),
+        ("select one ring, 324 nodes", Box::new(select(sizes[0]))),
+        ("select one ring, 4,096 nodes", Box::new(select(sizes[1]))),
+        ("select one ring, 32,768 nodes", Box::new(select(sizes[2]))),
         ("build the model, 324 nodes", Box::new(build(sizes[0]))),
         ("build the model, 4,096 nodes", Box::new(build(sizes[1]))),
         ("build the model, 32,768 nodes", Box::new(build(sizes[2]))),

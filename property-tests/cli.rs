@@ -30,7 +30,7 @@ impl Folder {
 }
 
 fn stickslip(arguments: &[&str]) -> Output {
-    Command::cargo_bin("stickslip").expect("the program").args(arguments).output().expect("it runs")
+    Command::new(assert_cmd::cargo::cargo_bin!("stickslip")).args(arguments).output().expect("it runs")
 }
 
 fn run(scene: &Path, out: &Path) -> Output {
@@ -85,6 +85,9 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
     ("two node counts", "nodes = [9, 9, 4]", "nodes = [9, 9]", &["mesh.nodes"]),
     ("too large", "nodes = [9, 9, 4]", "nodes = [90000, 90000, 90000]", &["729000000000000 nodes", "MiB"]),
     ("too large to count", "nodes = [9, 9, 4]", "nodes = [9000000000, 9000000000, 9000000000]", &["MiB"]),
+    ("exterior without one", "rings = 1", "rings = \"all\"", &["local.exterior", "no effect"]),
+    ("a spacing that underflows", "spacing = 0.0125", "spacing = 1e-200", &["mesh.spacing", "1e-6"]),
+    ("waypoints too far apart", "[1.2, 0.02", "[1.2, 1e308", &["instrument.waypoints", "not finite"]),
     ("a dense matrix too large", "nodes = [9, 9, 4]", "nodes = [100, 100, 10]", &["MiB"]),
     ("rates that do not fit", "rate = 10.0 ", "rate = 30.0 ", &["whole multiple"]),
     ("no rings", "rings = 1", "rings = 0", &["local.rings"]),
@@ -119,7 +122,7 @@ fn bad_scenes_end_with_code_2_one_message_and_no_folder() {
         assert!(GOOD.contains(good), "{what}: the good scene has no {good:?}");
         let mut text = GOOD.replacen(good, bad, 1);
         if *what == "a dense matrix too large" {
-            text = text.replace("rings = 1", "rings = \"all\"");
+            text = text.replace("rings = 1", "rings = 100");
         }
         let scene = folder.write("scene.toml", &text);
         let out = folder.path("out");
@@ -264,6 +267,64 @@ fn a_bad_scene_keeps_the_whole_report_from_starting() {
         stickslip(&["report", "fig3-sliding", &scene.display().to_string(), "--out", &out.display().to_string()]);
     assert_eq!(output.status.code(), Some(2));
     assert!(!out.exists());
+}
+
+#[test]
+fn a_tip_inside_keeps_the_whole_report_from_starting() {
+    let folder = Folder::new("inside-report");
+    let text = GOOD.replace("[0.0, -0.03, 0.0013, 0.002]", "[0.0, -0.03, 0.0013, -0.002]");
+    let scene = folder.write("inside.toml", &text);
+    let out = folder.path("out");
+    let output =
+        stickslip(&["report", "fig3-sliding", &scene.display().to_string(), "--out", &out.display().to_string()]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(!out.exists());
+}
+
+#[test]
+fn two_scenes_of_one_name_are_refused() {
+    let folder = Folder::new("same-name");
+    let scene = folder.write("same.toml", GOOD);
+    let out = folder.path("out");
+    let output =
+        stickslip(&["report", "fig5-stick-slip", &scene.display().to_string(), "--out", &out.display().to_string()]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("two scenes are named"), "{}", stderr(&output));
+    assert!(!out.exists());
+}
+
+/// The name of a shipped extreme says nothing about somebody's own scene.
+#[test]
+fn expectations_belong_to_shipped_scenes_only() {
+    let folder = Folder::new("own-name");
+    let scene = folder.write("own.toml", &GOOD.replace("fig5-stick-slip", "deep-stick-slip-faceted"));
+    let output =
+        stickslip(&["report", &scene.display().to_string(), "--out", &folder.path("out").display().to_string()]);
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stdout));
+}
+
+#[test]
+fn a_full_disk_on_standard_output_is_no_panic() {
+    let full = fs::File::options().write(true).open("/dev/full").expect("/dev/full");
+    let output = std::process::Command::new(assert_cmd::cargo::cargo_bin!("stickslip"))
+        .args(["explain", "fig5-stick-slip"])
+        .stdout(full)
+        .output()
+        .expect("it runs");
+    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    assert!(stderr(&output).contains("standard output"), "{}", stderr(&output));
+}
+
+/// A tip that comes from far away over a metre of air is not inside on its way.
+#[test]
+fn a_far_start_is_outside() {
+    let folder = Folder::new("far");
+    let text = GOOD.replace(
+        "waypoints = [[0.0, -0.03, 0.0013, 0.002], [0.2",
+        "waypoints = [[0.0, -0.3, 0.13, 1.1], [0.1, -0.03, 0.0013, 0.002], [0.2",
+    );
+    let output = run(&folder.write("far.toml", &text), &folder.path("out"));
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stdout));
 }
 
 #[test]

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use thiserror::Error;
 
 use crate::Vec3;
+use crate::contact::collision::START_TOLERANCE;
 use crate::contact::tick::{LocalSimulation, TickReport};
 use crate::device::failsafe::{FailSafe, Fault};
 use crate::device::instrument::TipPath;
@@ -97,7 +98,7 @@ impl Simulation {
         let ModelMessage { model, state } = global.first_model(tip);
         let local = LocalSimulation::new(scene.contact, scene.tick, model, state);
         let distance = local.shape().signed_distance(tip);
-        if distance < 0.0 {
+        if !(distance >= -START_TOLERANCE) {
             return Err(scene.tip_inside(-distance));
         }
         let replays = scene.global.sync == SyncMode::Replay && scene.local.extent != Extent::All;
@@ -149,7 +150,8 @@ impl Simulation {
     /// # Errors
     /// With the fault that ended the run.
     pub fn run(mut self, mut observe: impl FnMut(&TickView)) -> Result<(), Fault> {
-        let mut trajectory = self.new_trajectory(0, self.ticks_per_cycle);
+        let mut trajectory = Trajectory::new(self.keep);
+        self.begin_segment(&mut trajectory, 0);
         let mut pending: Option<(u64, ModelMessage)> = None;
         let mut energy = EnergyBook::new(if self.is_full { self.network.fixed_potential() } else { 0.0 });
         energy.take_stock(&self.local);
@@ -159,14 +161,17 @@ impl Simulation {
             if tick_in_cycle == 0 && tick > 0 && !self.is_full {
                 // Up: the cycle just past. Down: the model of the next, due after its latency.
                 let contact = self.local.contact();
-                let past = std::mem::replace(&mut trajectory, self.new_trajectory(0, self.ticks_per_cycle));
+                let past = std::mem::replace(&mut trajectory, Trajectory::new(self.keep));
                 let message = CycleMessage { trajectory: past, contact, tip: tip_before };
                 pending = Some((tick + self.latency_ticks, self.global.advance(&message)));
+                self.failsafe.check_network(tick, tip_before, self.global.state())?;
             }
             if let Some((_, model)) = pending.take_if(|(due, _)| *due == tick) {
                 self.local.hand_over(model.model, model.state, self.latency_ticks, tip_before);
                 energy.take_stock(&self.local);
-                self.extend_trajectory(&mut trajectory, tick_in_cycle);
+                self.begin_segment(&mut trajectory, tick_in_cycle);
+            } else if tick_in_cycle == 0 && tick > 0 && !self.is_full {
+                self.begin_segment(&mut trajectory, 0);
             }
 
             let model_age = if self.is_full { 0 } else { self.local.model_age() };
@@ -196,20 +201,10 @@ impl Simulation {
         Ok(())
     }
 
-    fn new_trajectory(&self, tick: u64, ticks: u64) -> Trajectory {
-        let mut trajectory = Trajectory::new(self.keep);
-        trajectory.begin(self.local.model(), self.local.state(), tick as usize, ticks as usize);
-        trajectory
-    }
-
-    /// A model handed over at the start of a cycle replaces the segment that was just begun.
-    fn extend_trajectory(&self, trajectory: &mut Trajectory, tick: u64) {
-        if tick == 0 {
-            *trajectory = self.new_trajectory(0, self.ticks_per_cycle);
-        } else {
-            let rest = self.ticks_per_cycle - tick;
-            trajectory.begin(self.local.model(), self.local.state(), tick as usize, rest as usize);
-        }
+    /// The path from here on of the model now in use, to the end of the cycle at most.
+    fn begin_segment(&self, trajectory: &mut Trajectory, tick_in_cycle: u64) {
+        let ticks = (self.ticks_per_cycle - tick_in_cycle).min(self.tick_count);
+        trajectory.begin(self.local.model(), self.local.state(), tick_in_cycle as usize, ticks as usize);
     }
 }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::{PASS, load};
+use super::{PASS, load, say};
 use crate::dynamics::global::SyncMode;
 use crate::dynamics::integrators::GlobalIntegrator;
 use crate::dynamics::stability::{StepLimit, explicit_step_limit};
@@ -82,12 +82,12 @@ impl Step {
 }
 
 pub fn explain(scene: &Path, json: bool) -> miette::Result<u8> {
-    let explanation = explanation(&load(scene)?)?;
+    let explanation = explanation(&load(scene)?.0)?;
     if json {
-        let text = serde_json::to_string_pretty(&explanation).map_err(|error| miette::miette!("{error}"))?;
-        println!("{text}");
+        let json = serde_json::to_string_pretty(&explanation).map_err(|error| miette::miette!("{error}"))?;
+        say(json)?;
     } else {
-        print(&explanation);
+        say(text(&explanation))?;
     }
     Ok(PASS)
 }
@@ -179,37 +179,40 @@ fn warnings(scene: &Scene, simulation: &Simulation, local: &Step, global: Option
     warnings
 }
 
-fn print(e: &Explanation) {
+fn text(e: &Explanation) -> String {
+    let mut lines = Vec::new();
+    let mut line = |text: String| lines.push(text);
     let Sizes { nodes, fixed_nodes, springs, surface_triangles, .. } = e.sizes;
-    println!("{}", e.scene);
-    println!("\nSizes");
-    println!(
+    line(e.scene.clone());
+    line("\nSizes".to_owned());
+    line(format!(
         "  network   {nodes} nodes ({fixed_nodes} fixed), {springs} springs, {surface_triangles} surface triangles"
-    );
-    println!(
+    ));
+    line(format!(
         "  patch     {} free nodes, {} springs (the first model; it follows the contact)",
         e.sizes.patch_nodes, e.sizes.patch_springs
-    );
-    println!("  time      {} ticks, {} per global cycle", e.sizes.ticks, e.sizes.ticks_per_cycle);
-    println!("\nIn the pipeline");
-    e.needed.iter().for_each(|part| println!("  + {part}"));
-    println!("\nLeft out");
-    e.left_out.iter().for_each(|part| println!("  - {part}"));
-    println!("\nCost per tick");
+    ));
+    line(format!("  time      {} ticks, {} per global cycle", e.sizes.ticks, e.sizes.ticks_per_cycle));
+    line("\nIn the pipeline".to_owned());
+    e.needed.iter().for_each(|part| line(format!("  + {part}")));
+    line("\nLeft out".to_owned());
+    e.left_out.iter().for_each(|part| line(format!("  - {part}")));
+    line("\nCost per tick".to_owned());
     if let Some([rows, columns]) = e.cost_per_tick.matrix {
-        println!("  one {rows} × {columns} matrix–vector product ({} multiply–adds)", rows * columns);
+        line(format!("  one {rows} × {columns} matrix–vector product ({} multiply–adds)", rows * columns));
     }
     if let Some(springs) = e.cost_per_tick.springs {
-        println!("  {springs} springs, twice in contact");
+        line(format!("  {springs} springs, twice in contact"));
     }
-    println!("  free: the triangles near the tip, found in a tree of boxes; in contact: the one below it");
-    println!("\nCost per global cycle");
+    line("  free: the triangles near the tip, found in a tree of boxes; in contact: the one below it".to_owned());
+    line("\nCost per global cycle".to_owned());
     let CycleCost { force_evaluations, springs, new_models } = e.cost_per_cycle;
-    println!("  {force_evaluations} evaluations of {springs} springs, {new_models} new local model");
-    println!("\nExplicit steps");
-    println!("  local tick      {}", e.local_step.text());
-    println!("  global substep  {}", e.global_step.text());
+    line(format!("  {force_evaluations} evaluations of {springs} springs, {new_models} new local model"));
+    line("\nExplicit steps".to_owned());
+    line(format!("  local tick      {}", e.local_step.text()));
+    line(format!("  global substep  {}", e.global_step.text()));
     for warning in &e.warnings {
-        println!("\nWarning: {warning}");
+        line(format!("\nWarning: {warning}"));
     }
+    lines.join("\n")
 }

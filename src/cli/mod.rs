@@ -7,12 +7,14 @@ mod report;
 mod run;
 mod table;
 
+use std::fmt::Display;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::scene::{SHIPPED, Scene, SceneError};
+use crate::scene::{Expectation, SHIPPED, Scene, SceneError};
 
 /// Everything went as it should.
 const PASS: u8 = 0;
@@ -51,8 +53,8 @@ enum Command {
     },
     /// Run one scene: trace, network, summary and force plot
     #[command(after_help = "Writes trace.csv (a row per tick), network.json, summary.json and forces.svg.\n\n\
-        Exit code 0: it reached its duration; 1: a fault ended it (the rows before it are kept); \
-        2: the scene or the output folder is not as it should be.\n\nExample: stickslip run fig5-stick-slip --out /tmp/fig5")]
+        Exit code 0: it reached its duration; 1: a fault ended it (the rows before it are kept), or the tip passed \
+        through the surface; 2: the scene or the output folder is not as it should be.\n\nExample: stickslip run fig5-stick-slip --out /tmp/fig5")]
     Run {
         /// A scene file or the name of a shipped scene
         scene: PathBuf,
@@ -97,11 +99,22 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// A scene file, or else a shipped scene of that name.
-fn load(scene: &Path) -> Result<Scene, SceneError> {
+/// A scene file, or else a shipped scene of that name, and how it is expected to end.
+fn load(scene: &Path) -> Result<(Scene, Expectation), SceneError> {
     let shipped = SHIPPED.iter().find(|shipped| scene.as_os_str() == shipped.name);
     match shipped {
-        Some(shipped) if !scene.exists() => Scene::parse(shipped.text, scene),
-        _ => Scene::load(scene),
+        Some(shipped) if !scene.exists() => Ok((Scene::parse(shipped.text, scene)?, shipped.expectation)),
+        _ => Ok((Scene::load(scene)?, Expectation::Completes)),
+    }
+}
+
+/// Prints a line. That nobody reads on is no error.
+fn say(text: impl Display) -> miette::Result<()> {
+    let mut stdout = std::io::stdout().lock();
+    match writeln!(stdout, "{text}").and_then(|()| stdout.flush()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(miette::miette!("cannot write to standard output: {error}"))
+        }
+        _ => Ok(()),
     }
 }

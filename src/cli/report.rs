@@ -6,8 +6,9 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde::Serialize;
 
 use super::progress::Progress;
-use super::{FAIL, PASS, load, table};
+use super::{FAIL, PASS, load, say, table};
 use crate::output::files::{FinishedRun, run_into, write_file, write_json};
+use crate::pipeline::Simulation;
 use crate::scene::{Expectation, SHIPPED, Scene, SceneError};
 
 /// `report.json`.
@@ -32,8 +33,10 @@ struct Reported {
 
 impl Reported {
     fn as_expected(&self) -> bool {
-        self.run.summary.completed == (self.expectation == Expectation::Completes)
-            && self.run.summary.tunnelling_ticks == 0
+        match self.expectation {
+            Expectation::Completes => self.run.summary.passes(),
+            Expectation::Faults => !self.run.summary.completed && self.run.summary.tunnelling_ticks == 0,
+        }
     }
 
     fn outcome(&self) -> &'static str {
@@ -50,18 +53,27 @@ pub fn report(scenes: &[PathBuf], out: &Path) -> miette::Result<u8> {
     let shipped = SHIPPED.iter().map(|shipped| shipped.name.into());
     let scenes: Vec<PathBuf> = if scenes.is_empty() { shipped.collect() } else { scenes.to_vec() };
     // All scenes are checked before the first one runs.
-    let scenes: Vec<Scene> = scenes.iter().map(|scene| load(scene)).collect::<Result<_, SceneError>>()?;
+    let scenes: Vec<(Scene, Expectation)> =
+        scenes.iter().map(|scene| load(scene)).collect::<Result<_, SceneError>>()?;
+    for (i, (scene, _)) in scenes.iter().enumerate() {
+        Simulation::prepare(scene)?;
+        if scenes[..i].iter().any(|(other, _)| other.name == scene.name) {
+            return Err(miette::miette!(
+                help = "give each scene a `name` of its own",
+                "two scenes are named {:?}, and both would write to that folder",
+                scene.name
+            ));
+        }
+    }
 
-    let mut progress = Progress::new(scenes.iter().map(|scene| scene.tick_count).sum());
+    let mut progress = Progress::new(scenes.iter().map(|(scene, _)| scene.tick_count).sum());
     let mut reported = Vec::with_capacity(scenes.len());
-    for scene in &scenes {
+    for (scene, expectation) in &scenes {
         progress.begin(&scene.name);
         let folder = out.join(&scene.name);
         let run = run_into(scene, &folder, |ticks| progress.set(ticks))?;
         progress.end(scene.tick_count);
-        let shipped = SHIPPED.iter().find(|shipped| shipped.name == scene.name);
-        let expectation = shipped.map_or(Expectation::Completes, |shipped| shipped.expectation);
-        reported.push(Reported { figure: figure(&run, &scene.name)?, run, expectation });
+        reported.push(Reported { figure: figure(&run, &scene.name)?, run, expectation: *expectation });
     }
     drop(progress);
 
@@ -79,8 +91,8 @@ pub fn report(scenes: &[PathBuf], out: &Path) -> miette::Result<u8> {
     write_json(&out.join("report.json"), &file)?;
     write_file(&out.join("index.html"), page(&reported).into_string().as_bytes())?;
 
-    println!("{}", table::runs(reported.iter().map(|r| (&r.run.summary, r.outcome()))));
-    println!("report: {}", out.join("index.html").display());
+    say(table::runs(reported.iter().map(|r| (&r.run.summary, r.outcome()))))?;
+    say(format_args!("report: {}", out.join("index.html").display()))?;
     Ok(if reported.iter().all(Reported::as_expected) { PASS } else { FAIL })
 }
 
@@ -96,10 +108,11 @@ fn figure(_: &FinishedRun, _: &str) -> miette::Result<String> {
 
 const STYLE: &str = "
 :root { color-scheme: light dark; font: 16px/1.5 system-ui, sans-serif; }
-body { max-width: 62rem; margin: 0 auto; padding: 1rem; }
+body { max-width: 76rem; margin: 0 auto; padding: 1rem; }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-th, td { padding: .3rem .7rem; border-bottom: 1px solid #8886; text-align: right; white-space: nowrap; }
+th, td { padding: .3rem .7rem; border-bottom: 1px solid #8886; text-align: right; }
+td { white-space: nowrap; }
 th:first-child, td:first-child, th:nth-child(2), td:nth-child(2) { text-align: left; }
 .unexpected { color: #c22; font-weight: bold; }
 figure { margin: 2rem 0; }

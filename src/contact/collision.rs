@@ -12,7 +12,7 @@ const SAME_TIME: f64 = 1e-12;
 /// A tip this far inside a triangle's plane, m, at the start of a tick still counts as outside: a
 /// tip released on the surface may be inside by the last bit. 1e5 ulps of a position of 0.1 m, and
 /// a ten-millionth of what an encoder resolves.
-const START_TOLERANCE: f64 = 1e-12;
+pub const START_TOLERANCE: f64 = 1e-12;
 
 /// The tip's first passage from the outer to the inner side.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -8,6 +8,10 @@ use crate::Vec3;
 /// an edge has the same distance from both triangles to round-off.
 const SAME_DISTANCE_SQUARED: f64 = 1e-18;
 
+/// A box is passed over only if it is further by more than the round-off of its distance: at 10 cm
+/// the last bit of a squared distance is already larger than what counts as the same.
+const BOX_MARGIN: f64 = 1.0 + 1e-12;
+
 /// Which part of a triangle is nearest: its inside, the edge opposite a corner, or a corner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Feature {
@@ -76,7 +80,7 @@ impl Shape<'_> {
         let least =
             self.sweep(q, f64::INFINITY, |best, candidate| candidate.distance_squared < best.distance_squared)?;
         let bound = least.distance_squared + SAME_DISTANCE_SQUARED;
-        self.sweep(q, bound, |best, candidate| candidate.point.triangle < best.point.triangle)
+        self.sweep(q, bound, |best, candidate| candidate.point.triangle < best.point.triangle).or(Some(least))
     }
 
     /// The best of all triangles within a squared distance, by the given order.
@@ -100,13 +104,13 @@ impl Shape<'_> {
                 _ => bound,
             };
             let distance = (aabb.distance(q) - reach).max(0.0);
-            distance * distance <= limit
+            distance * distance <= limit * BOX_MARGIN
         };
         self.model.boxes.search(&mut best, enter, consider);
         best
     }
 
-    /// Whether q is outside the closed surface. The sign is that of the angle-weighted pseudonormal
+    /// Whether q is outside the closed surface, which must not intersect itself. The sign is that of the angle-weighted pseudonormal
     /// at the nearest point (Bærentzen & Aanæs 2005); a point on the surface is not outside.
     pub fn is_outside(&self, q: Vec3) -> bool {
         self.signed_distance(q) > 0.0

@@ -1,7 +1,7 @@
 //! One haptic tick of the geometric scheme: the paper's hybrid of a geometric deformation and a
 //! constraint force, in its order. Allocates nothing, locks nothing, does no I/O.
 
-use super::collision::{Collision, first_collision};
+use super::collision::{Collision, START_TOLERANCE, first_collision};
 use super::law::{Law, Mode};
 use super::operators::{Metric, Support};
 use super::surface::{ContactPoint, ContactSurface, Projection, Shape, Visited};
@@ -185,7 +185,7 @@ impl LocalSimulation {
         self.latency = latency;
         self.age = 0;
         let before = (std::mem::replace(&mut self.model, model), std::mem::replace(&mut self.state, state));
-        if self.contact.is_none() && self.shape().signed_distance(tip) < 0.0 {
+        if self.contact.is_none() && self.shape().signed_distance(tip) < -START_TOLERANCE {
             self.contact = self.shape().nearest(tip).map(|point| Contact { point, grip: Grip::Tension });
         }
         before

@@ -4,7 +4,9 @@
 use thiserror::Error;
 
 use crate::Vec3;
+use crate::contact::law::Mode;
 use crate::contact::tick::{LocalSimulation, TickReport};
+use crate::model::network::State;
 
 /// A node further from its rest place than this many diagonals of the rest mesh has run away.
 const RUNAWAY_DIAGONALS: f64 = 10.0;
@@ -57,6 +59,7 @@ pub struct Fault {
 /// Checks every tick; once it has found a fault it commands zero for good.
 #[derive(Debug, Clone)]
 pub struct FailSafe {
+    rest: Vec<Vec3>,
     runaway_m: f64,
     latched: Option<Fault>,
 }
@@ -66,7 +69,7 @@ impl FailSafe {
     pub fn new(rest: &[Vec3]) -> Self {
         let lower = rest.iter().copied().reduce(|a, b| a.inf(&b)).unwrap_or_default();
         let upper = rest.iter().copied().reduce(|a, b| a.sup(&b)).unwrap_or_default();
-        Self { runaway_m: RUNAWAY_DIAGONALS * (upper - lower).norm(), latched: None }
+        Self { rest: rest.to_vec(), runaway_m: RUNAWAY_DIAGONALS * (upper - lower).norm(), latched: None }
     }
 
     /// The force to command after a tick.
@@ -94,24 +97,36 @@ impl FailSafe {
     }
 
     fn cause(&self, local: &LocalSimulation, report: &TickReport) -> Option<Cause> {
-        if !report.force.iter().all(|f| f.is_finite()) {
+        if !report.force.norm().is_finite() {
             return Some(Cause::ForceNotFinite);
         }
         let patch = &local.model().patch;
         let state = local.state();
-        for (i, &node) in patch.nodes.iter().enumerate() {
-            let distance_squared = (state.x[i] - patch.rest[i]).norm_squared();
-            if distance_squared <= self.runaway_m * self.runaway_m && state.v[i].iter().all(|v| v.is_finite()) {
-                continue;
-            }
-            let distance_m = distance_squared.sqrt();
-            let finite = distance_m.is_finite() && state.v[i].iter().all(|v| v.is_finite());
-            return Some(if finite {
-                Cause::Runaway { node, distance_m, limit_m: self.runaway_m }
-            } else {
-                Cause::StateNotFinite { node }
-            });
+        let mut nodes = patch.nodes.iter().zip(&patch.rest).zip(state.x.iter().zip(&state.v));
+        nodes.find_map(|((&node, rest), (x, v))| self.node_cause(node, rest, x, v))
+    }
+
+    /// The exterior moves only at boundaries: checks every node of the network there.
+    ///
+    /// # Errors
+    /// With the fault.
+    pub fn check_network(&mut self, tick: u64, tip: Vec3, state: &State) -> Result<(), Fault> {
+        let mut nodes = (0..).zip(&self.rest).zip(state.x.iter().zip(&state.v));
+        if let Some(cause) = nodes.find_map(|((node, rest), (x, v))| self.node_cause(node, rest, x, v)) {
+            let fault = Fault { tick, cause, mode: Mode::Free.name(), force: Vec3::zeros(), tip, model_age: 0 };
+            return Err(*self.latched.get_or_insert(fault));
         }
-        None
+        Ok(())
+    }
+
+    fn node_cause(&self, node: u32, rest: &Vec3, x: &Vec3, v: &Vec3) -> Option<Cause> {
+        let distance_m = (x - rest).norm();
+        if !(distance_m.is_finite() && v.iter().all(|v| v.is_finite())) {
+            Some(Cause::StateNotFinite { node })
+        } else if distance_m > self.runaway_m {
+            Some(Cause::Runaway { node, distance_m, limit_m: self.runaway_m })
+        } else {
+            None
+        }
     }
 }

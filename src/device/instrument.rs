@@ -1,6 +1,8 @@
 //! Instruments: where the tip is.
 
-use std::path::Path as FilePath;
+use std::fs::File;
+use std::io;
+use std::path::{Path as FilePath, PathBuf};
 
 use serde::Deserialize;
 use thiserror::Error;
@@ -29,7 +31,7 @@ pub enum PathError {
     /// There is none.
     #[error("there is no waypoint")]
     Empty,
-    /// A number is NaN or infinite.
+    /// A number, or the way to it from the waypoint before, is NaN or infinite.
     #[error("waypoint {index} is not finite")]
     NotFinite {
         /// Counted from 0.
@@ -45,7 +47,15 @@ pub enum PathError {
         /// The time before, s.
         before: f64,
     },
-    /// The recording cannot be read.
+    /// The recording cannot be opened.
+    #[error("cannot read {path}: {error}")]
+    Unreadable {
+        /// Where it was looked for.
+        path: PathBuf,
+        /// Why.
+        error: io::Error,
+    },
+    /// The recording is not as it should be.
     #[error("{0}")]
     Csv(#[from] csv::Error),
     /// The recording's columns are others.
@@ -71,8 +81,14 @@ impl TipPath {
             }
         }
         for (index, pair) in waypoints.windows(2).enumerate() {
+            let index = index + 1;
+            // Far apart, finite numbers have a difference that is not.
+            if !((pair[1].position - pair[0].position).norm() / (pair[1].time - pair[0].time)).is_finite()
+                && pair[1].time > pair[0].time
+            {
+                return Err(PathError::NotFinite { index });
+            }
             if pair[1].time <= pair[0].time {
-                let index = index + 1;
                 return Err(PathError::NotAscending { index, time: pair[1].time, before: pair[0].time });
             }
         }
@@ -92,7 +108,8 @@ impl TipPath {
             y: f64,
             z: f64,
         }
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path)?;
+        let file = File::open(path).map_err(|error| PathError::Unreadable { path: path.to_owned(), error })?;
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
         let header: Vec<String> = reader.headers()?.iter().map(str::to_owned).collect();
         if header != ["t", "x", "y", "z"] {
             return Err(PathError::Header { found: header.join(",") });

@@ -12,10 +12,11 @@ pub struct StepLimit {
     pub omega: f64,
 }
 
-/// Power iterations for the critical mode. The Rayleigh quotient's error is the square of the
-/// vector's, so this is far more than the digits printed need, and it bounds the cost on large
-/// meshes.
+/// Power iterations for the critical mode, at most: this bounds the cost on large meshes.
 const ITERATIONS: usize = 400;
+/// Iterations end when the Rayleigh quotient changes by less than this share. Its error is the
+/// square of the vector's, so the digits printed are long since there.
+const CONVERGED: f64 = 1e-12;
 /// Solves of the quadratic for h; one is enough where damping is proportional to stiffness.
 const REFINEMENTS: usize = 4;
 
@@ -28,8 +29,7 @@ const REFINEMENTS: usize = 4;
 /// D̃ = (c/k)K̃ this is h = 2(√(1 + ζ²) − ζ)/ω_max with ζ = cω_max/2k.
 pub fn explicit_step_limit(springs: &Springs, x: &[Vec3], inverse_mass: &[f64], drag: f64) -> StepLimit {
     let pencil = Pencil::new(springs, x, inverse_mass, drag);
-    // A step so short that stiffness does not count, and one so long that only it does, lie on
-    // either side; starting from stiffness alone the refinement comes down to the limit.
+    // Starting from the stiffest mode, each refinement weighs damping by the step found last.
     let mut mode = pencil.start();
     let mut step = 1.0;
     let mut kappa = 0.0;
@@ -78,7 +78,7 @@ impl Pencil {
 
     /// The mode with the largest κ + share·d, refined from `mode`; returns its (d, κ).
     fn critical_mode(&self, share: f64, mode: &mut Vec<Vec3>) -> (f64, f64) {
-        let (mut d, mut kappa) = (0.0, 0.0);
+        let (mut d, mut kappa, mut last) = (0.0, 0.0, f64::INFINITY);
         let mut product = vec![Vec3::zeros(); mode.len()];
         for _ in 0..ITERATIONS {
             let length = mode.iter().map(Vec3::norm_squared).sum::<f64>().sqrt();
@@ -104,6 +104,11 @@ impl Pencil {
                 product[*j] += both * wj;
             }
             std::mem::swap(mode, &mut product);
+            let quotient = kappa + share * d;
+            if (quotient - last).abs() <= CONVERGED * quotient {
+                break;
+            }
+            last = quotient;
         }
         (d, kappa)
     }

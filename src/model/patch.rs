@@ -50,7 +50,8 @@ impl Patch {
     }
 }
 
-/// Selects patches; its scratch arrays make the cost of a selection that of the patch.
+/// Selects patches. Beyond the patch itself a selection costs a look at every surface vertex: to find
+/// the nearest, and to say which are in.
 #[derive(Debug, Clone)]
 pub struct PatchSelector {
     slot: Vec<u32>,
@@ -112,6 +113,9 @@ impl PatchSelector {
                 }
             }
             ring_start = ring_end;
+            if ring_end == nodes.len() {
+                break;
+            }
         }
         nodes.iter().for_each(|&node| self.slot[node as usize] = OUTSIDE);
     }

@@ -8,7 +8,7 @@ use std::ops::Range;
 use crate::{Mat3, Vec3};
 
 /// Added to ℓ² so that a spring of no length has a direction of zero, hence no force, instead of
-/// NaN. Below half an ulp of ℓ² for every spring longer than 1e-7 m: there it changes no bit.
+/// NaN. Below half an ulp of ℓ² for every spring longer than 2e-7 m: there it changes no bit.
 const LENGTH_SQUARED_FLOOR: f64 = 1e-30;
 
 /// One spring, as a value.

@@ -20,7 +20,7 @@ use crate::scene::{Scene, SceneError};
 
 /// A file or folder that cannot be written.
 #[derive(Debug, Error, Diagnostic)]
-#[error("cannot write {path}: {source}")]
+#[error("cannot write {path}")]
 #[diagnostic(help("give a folder that can be written with --out DIR"))]
 pub struct WriteError {
     /// Which.

@@ -10,8 +10,8 @@ use super::summary::Sample;
 const SIZE: (u32, u32) = (900, 420);
 const NORMAL: RGBColor = RGBColor(24, 90, 157);
 const TANGENTIAL: RGBColor = RGBColor(200, 80, 30);
-/// Points per curve: more than the figure has columns of pixels.
-const POINTS: usize = 3000;
+/// Buckets per curve: more than the figure has columns of pixels.
+const BUCKETS: usize = 2000;
 
 /// Normal (solid) and tangential (dotted) force over time, as an SVG document.
 ///
@@ -44,8 +44,7 @@ fn draw(svg: &mut String, title: &str, samples: &[Sample]) -> Drawn {
         .bold_line_style(BLACK.mix(0.12))
         .label_style(("sans-serif", 14))
         .draw()?;
-    let stride = samples.len().div_ceil(POINTS).max(1);
-    let curve = |of: fn(&Sample) -> f64| samples.iter().step_by(stride).map(move |s| (s.time, of(s)));
+    let curve = |of: fn(&Sample) -> f64| thinned(samples, of);
     let normal = ShapeStyle::from(NORMAL).stroke_width(2);
     let tangential = ShapeStyle::from(TANGENTIAL).stroke_width(2);
     chart
@@ -67,4 +66,19 @@ fn draw(svg: &mut String, title: &str, samples: &[Sample]) -> Drawn {
         .draw()?;
     root.present()?;
     Ok(())
+}
+
+/// A curve with the least and the largest value of every bucket, so that no jump of one tick is lost.
+fn thinned(samples: &[Sample], of: fn(&Sample) -> f64) -> Vec<(f64, f64)> {
+    let bucket = samples.len().div_ceil(BUCKETS).max(1);
+    if bucket == 1 {
+        return samples.iter().map(|sample| (sample.time, of(sample))).collect();
+    }
+    let by_value = |a: &&Sample, b: &&Sample| of(a).total_cmp(&of(b));
+    let ends = samples.chunks(bucket).flat_map(|samples| {
+        let mut ends = [samples.iter().min_by(by_value), samples.iter().max_by(by_value)];
+        ends.sort_by(|a, b| a.map(|s| s.time).partial_cmp(&b.map(|s| s.time)).unwrap_or(std::cmp::Ordering::Equal));
+        ends.into_iter().flatten()
+    });
+    ends.map(|sample| (sample.time, of(sample))).collect()
 }

@@ -30,6 +30,14 @@ pub struct Sample {
     pub mode: Mode,
 }
 
+impl Summary {
+    /// Whether the run is one to believe: it reached its duration and nothing passed through the
+    /// surface unfelt.
+    pub fn passes(&self) -> bool {
+        self.completed && self.tunnelling_ticks == 0
+    }
+}
+
 /// Collects a run tick by tick.
 #[derive(Debug, Default)]
 pub struct Recorder {

@@ -7,7 +7,7 @@ pub const KEYS: &[(&str, &str)] = &[
     ("mesh", "a table with `nodes` and `spacing`"),
     ("mesh.kind", "\"block\" (default)"),
     ("mesh.nodes", "three whole numbers of at least 2: nodes along x, y and z"),
-    ("mesh.spacing", "a finite number above 0, in m"),
+    ("mesh.spacing", "a finite number of at least 1e-6, in m"),
     (
         "mesh.stencil",
         "\"structural\" (edges), \"shear\" (and face diagonals; default) or \"full\" (and body diagonals)",
@@ -32,7 +32,7 @@ pub const KEYS: &[(&str, &str)] = &[
     ("local.model", "\"patch\" (default) or \"full\""),
     ("local.rings", "a whole number of at least 1 (default 1) or \"all\"; only with `model = \"patch\"`"),
     ("local.linearization", "\"tangent\" (default) or \"none\"; only with `model = \"patch\"`"),
-    ("local.exterior", "\"fixed\" (default) or \"drifting\"; only with `model = \"patch\"`"),
+    ("local.exterior", "\"fixed\" (default) or \"drifting\"; only with `model = \"patch\"` and a number of `rings`"),
     ("local.tangent", "\"exact\" (default) or \"stabilised\"; only with `linearization = \"tangent\"`"),
     ("local.integrator", "\"semi-implicit-euler\" (default)"),
     ("contact", "a table with `law`"),

@@ -28,13 +28,16 @@ use crate::model::springs::TangentKind;
 /// roundings of numbers up to 1e9 ticks.
 const WHOLE_NUMBER_TOLERANCE: f64 = 1e-9;
 
+/// Micrometres: far below any tissue, and far above where the areas of triangles underflow.
+const LEAST_SPACING: f64 = 1e-6;
+
 /// Bytes that a run takes per node: rest position, mass, and eight position-and-velocity arrays of
 /// the global side, the local side and their scratch.
 const BYTES_PER_NODE: u128 = 500;
 /// Bytes per spring: once in the network and twice in the adjacency, once in a patch that takes all.
 const BYTES_PER_SPRING: u128 = 300;
-/// Bytes per tick: what the summary and the plot keep, twice.
-const BYTES_PER_TICK: u128 = 128;
+/// Bytes per tick: what the summary and the plot keep, twice, and the spectrum's buffers.
+const BYTES_PER_TICK: u128 = 256;
 
 type Placed<T> = Result<T, SceneError>;
 
@@ -101,7 +104,7 @@ impl Checker {
                     (None, Some(rate)) => ("global.rate", rate.span()),
                     (None, None) => ("global.rate", 0..0),
                 };
-                let value = format!("this: {local_rate} Hz is not a whole multiple of the global {global_rate} Hz");
+                let value = format!("so: {local_rate} Hz is not a whole multiple of the global {global_rate} Hz");
                 self.error(Problem::NotAccepted { key, value }, span)
             })? as u32;
         let tick_count = whole(duration * local_rate).ok_or_else(|| {
@@ -110,7 +113,7 @@ impl Checker {
         })? as u64;
 
         let local = self.local(&file.local)?;
-        let (block, fixed) = self.mesh(&file.mesh, &local, tick_count)?;
+        let (block, fixed) = self.mesh(&file.mesh, &local, [tick_count, u64::from(ticks_per_cycle)])?;
         let material = self.material(&file.material, &block)?;
 
         let latency_ticks = match &file.sync.latency_ticks {
@@ -163,7 +166,7 @@ impl Checker {
         Err(self.error(Problem::NotAccepted { key: "name", value: format!("{text:?}") }, name.span()))
     }
 
-    fn mesh(&self, table: &Spanned<MeshTable>, local: &LocalSettings, ticks: u64) -> Placed<(Block, Vec<bool>)> {
+    fn mesh(&self, table: &Spanned<MeshTable>, local: &LocalSettings, ticks: [u64; 2]) -> Placed<(Block, Vec<bool>)> {
         let mesh = table.get_ref();
         let MeshKind::Block = mesh.kind;
         let nodes = *mesh.nodes.get_ref();
@@ -173,7 +176,7 @@ impl Checker {
         }
         let block = Block {
             nodes,
-            spacing: self.number("mesh.spacing", &mesh.spacing, Sign::Positive)?,
+            spacing: self.spacing(&mesh.spacing)?,
             stencil: match mesh.stencil {
                 StencilName::Structural => Stencil::Structural,
                 StencilName::Shear => Stencil::Shear,
@@ -185,19 +188,45 @@ impl Checker {
         Ok((block, fixed))
     }
 
+    fn spacing(&self, spacing: &Spanned<f64>) -> Placed<f64> {
+        let key = "mesh.spacing";
+        let value = self.number(key, spacing, Sign::Positive)?;
+        if value >= LEAST_SPACING {
+            return Ok(value);
+        }
+        Err(self.error(Problem::NotAccepted { key, value: value.to_string() }, spacing.span()))
+    }
+
     /// Before anything of the mesh's size is allocated.
-    fn fits_memory(&self, block: &Block, local: &LocalSettings, ticks: u64, span: Range<usize>) -> Placed<()> {
+    fn fits_memory(
+        &self,
+        block: &Block,
+        local: &LocalSettings,
+        [ticks, cycle_ticks]: [u64; 2],
+        span: Range<usize>,
+    ) -> Placed<()> {
         let nodes = block.nodes.iter().fold(1_u128, |product, &count| product.saturating_mul(count as u128));
         let springs = block.edge_count() as u128;
-        let matrix = match (local.extent, local.linearization) {
-            // [K D], dense over every node.
-            (Extent::All, Linearization::Tangent(_)) => nodes.saturating_mul(nodes).saturating_mul(3 * 6 * 8),
-            _ => 0,
+        // A ring goes one lattice step further in every direction.
+        let patch = match local.extent {
+            Extent::All => nodes,
+            Extent::Rings(rings) => nodes.min((2 * u128::from(rings) + 1).saturating_pow(3)),
+        };
+        // [K D], dense over every node of the patch.
+        let matrix = match local.linearization {
+            Linearization::Tangent(_) => patch.saturating_mul(patch).saturating_mul(3 * 6 * 8),
+            Linearization::None => 0,
+        };
+        // Positions and velocities of every tick of a cycle, for the replay.
+        let recorded = match local.extent {
+            Extent::All => 0,
+            Extent::Rings(_) => patch.saturating_mul(u128::from(ticks.min(cycle_ticks)) + 1).saturating_mul(2 * 24),
         };
         let needed = nodes
             .saturating_mul(BYTES_PER_NODE)
             .saturating_add(springs.saturating_mul(BYTES_PER_SPRING))
             .saturating_add(matrix)
+            .saturating_add(recorded)
             .saturating_add(u128::from(ticks) * BYTES_PER_TICK);
         let mut system = sysinfo::System::new();
         system.refresh_memory();
@@ -321,6 +350,10 @@ impl Checker {
                 Linearization::None
             }
         };
+        if extent == Extent::All {
+            let span = local.exterior.as_ref().map(Spanned::span);
+            self.no_effect("local.exterior", span, "`local.rings = \"all\"`")?;
+        }
         let exterior = match local.exterior.as_ref().map(Spanned::get_ref) {
             None | Some(ExteriorName::Fixed) => ExteriorKind::Fixed,
             Some(ExteriorName::Drifting) => ExteriorKind::Drifting,

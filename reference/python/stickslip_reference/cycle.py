@@ -10,6 +10,7 @@ from .scene import SceneError
 from .surface import Surface
 from .tick import RIGID_BELOW, Contact, State, advance
 
+ON_SURFACE = 1e-12  # m: a tip that is no further inside is on the surface to round-off
 RUNAWAY_DIAGONALS = 10.0  # a node this many bounding-box diagonals from its rest place has run away
 
 
@@ -95,7 +96,8 @@ def hand_over(state, old, new, tick, h):
 def swallowed(surface, tip, x):
     """A contact for a free tip that the new exterior covers: no motion within a tick would ever show it to collision."""
     point = surface.nearest(tip, x)
-    if (tip - surface.position(point, x)) @ surface.pseudonormal(point, x) < 0.0:
+    offset = tip - surface.position(point, x)
+    if offset @ surface.pseudonormal(point, x) < 0.0 and np.linalg.norm(offset) > ON_SURFACE:
         return Contact(point, tension=True)
     return None
 
