@@ -102,6 +102,7 @@ CONTROLS = {
     "rewind left out": ("tau, point = hit", "tau, point = 0.0, hit[1]"),
     "force before the deformation": ("f = model.forces(deformed, v, elapsed)", "f = model.forces(x, v, elapsed)"),
     "no friction on the mesh at slip": ("f[place] -= friction_forces(ops, f[place], normal, options.friction)", "pass"),
+    "wall velocity kept": ("v_new[nodes] = (constraint @ v_new[nodes].ravel()).reshape(-1, 3)", "pass"),
     "stick by Q": ('"stick", multiplier, ops.P', '"stick", multiplier, ops.Q'),
 }
 

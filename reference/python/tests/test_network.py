@@ -20,6 +20,8 @@ VOLUME_TOLERANCE = 1e-13
 # Eigenvalues over the largest |eigenvalue|: what round-off may leave of a zero. Measured: 1.5e-16.
 EIGENVALUE_TOLERANCE = 1e-14
 # Observed order of convergence, off 4 and 1. Measured: 0.03 and 6e-4.
+# Radau's own tolerance, 1e-9 of positions of 10 mm, which move by less; measured 4e-10.
+RADAU_TOLERANCE = 1e-8
 ORDER_TOLERANCE = {"rk4": 0.2, "semi-implicit-euler": 0.1}
 # Formula against the eigenvalues, relative. The eigenvalues meet at -1 there, which costs digits. Measured: 2.2e-13.
 LIMIT_TOLERANCE = 1e-11
@@ -125,6 +127,26 @@ def test_free_network_converges_to_dop853(within, integrator, order):
         errors.append(np.linalg.norm(np.stack([state.x, state.v]) - exact))
     orders = [np.log2(coarse / fine) for coarse, fine in itertools.pairwise(errors)]
     within(f"order of {integrator} against DOP853", abs(orders[-1] - order), ORDER_TOLERANCE[integrator])
+
+
+def test_stiff_network_agrees_with_radau(within):
+    """A network a hundred times stiffer and heavily damped: RK4 at small steps against an implicit method."""
+    network = net.block(scene(mesh={"nodes": [3, 3, 2]}, material={"stiffness": 1e4, "damping": 5.0}))
+    rng = np.random.default_rng(5)
+    v = np.where(network.fixed[:, None], 0.0, 0.2 * rng.normal(size=network.nodes.shape))
+    shape, duration, count = network.nodes.shape, 0.02, 2000
+
+    def derivative(_, state):
+        x, v = state.reshape(2, *shape)
+        return np.concatenate([v, network.inverse_mass[:, None] * net.forces(network, x, v)], axis=None)
+
+    solution = solve_ivp(derivative, (0.0, duration), np.concatenate((network.nodes, v), axis=None), "Radau", rtol=1e-9, atol=1e-12)
+    state = SimpleNamespace(x=network.nodes, v=v)
+    for _ in range(count):
+        cycle.integrate(network, state, duration / count, "rk4")
+    moved = np.abs(state.x - network.nodes).max()
+    within("stiff network, RK4 against Radau, of its motion",
+           np.abs(state.x - solution.y[:, -1].reshape(2, *shape)[0]).max() / moved, RADAU_TOLERANCE)
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.5, 5.0])
