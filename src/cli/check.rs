@@ -7,7 +7,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::progress::Progress;
-use super::{FAIL, PASS, load, table, time};
+use super::{FAIL, PASS, load, say, table, time};
 use crate::output::files::{WriteError, write_json};
 use crate::scene::{SHIPPED, Scene, SceneError};
 use crate::verify::accept::accept;
@@ -121,7 +121,7 @@ pub fn check(arguments: &CheckArguments) -> miette::Result<u8> {
     let shipped = SHIPPED.iter().map(|shipped| shipped.name.into());
     let scenes = if arguments.scenes.is_empty() { shipped.collect() } else { arguments.scenes.clone() };
     // All scenes are read before the first one runs.
-    let loaded: Vec<Scene> = scenes.iter().map(|scene| load(scene)).collect::<Result<_, SceneError>>()?;
+    let loaded: Vec<Scene> = scenes.iter().map(|scene| Ok(load(scene)?.0)).collect::<Result<_, SceneError>>()?;
     let store = match &arguments.baselines {
         Some(folder) => Store::Folder(folder.clone()),
         None if Path::new(IN_CLONE).is_dir() => Store::Folder(IN_CLONE.into()),
@@ -148,11 +148,11 @@ pub fn check(arguments: &CheckArguments) -> miette::Result<u8> {
     let file = CheckFile { version: env!("CARGO_PKG_VERSION"), verdict: verdict(passes), baselines, scenes: &checked };
     write_json(&out.join("check.json"), &file)?;
 
-    println!("{}", table::checked(&checked));
+    say(table::checked(&checked))?;
     if let Some(table) = table::changed(&checked) {
-        println!("{table}");
+        say(table)?;
     }
-    println!("{}: every quantity in {}", verdict(passes), out.join("check.json").display());
+    say(format_args!("{}: every quantity in {}", verdict(passes), out.join("check.json").display()))?;
 
     if let Some(against) = &arguments.against {
         time::compare(&scenes, against, arguments.rounds)?;
@@ -161,7 +161,7 @@ pub fn check(arguments: &CheckArguments) -> miette::Result<u8> {
 }
 
 fn accept_results(scene: &Path, reason: &str, folder: Option<&Path>) -> miette::Result<u8> {
-    let scene = load(scene)?;
+    let (scene, _) = load(scene)?;
     let folder = match folder {
         Some(folder) => folder,
         None if Path::new(IN_CLONE).is_dir() => Path::new(IN_CLONE),
@@ -181,11 +181,11 @@ fn accept_results(scene: &Path, reason: &str, folder: Option<&Path>) -> miette::
     }
     let present = Store::Folder(folder.to_owned()).load(&scene.name);
     match accept(present, &scene, results, reason)? {
-        None => println!("{}: nothing differs from the baseline, which stays as it is", scene.name),
+        None => say(format_args!("{}: nothing differs from the baseline, which stays as it is", scene.name))?,
         Some(baseline) => {
             let path = baseline.save(folder)?;
             let replaced = baseline.accepted.last().map_or(0, |acceptance| acceptance.previous.len());
-            println!("{}: accepted, {replaced} quantities changed, in {}", scene.name, path.display());
+            say(format_args!("{}: accepted, {replaced} quantities changed, in {}", scene.name, path.display()))?;
         }
     }
     Ok(PASS)

@@ -7,7 +7,7 @@ use std::time::Instant;
 use miette::{IntoDiagnostic, WrapErr};
 use tempfile::TempDir;
 
-use super::{FAIL, PASS};
+use super::{FAIL, PASS, say};
 use crate::verify::paired::Median;
 
 /// Rounds that are not counted: files and code get into the caches.
@@ -19,7 +19,7 @@ pub fn compare(scenes: &[PathBuf], against: &Path, rounds: usize) -> miette::Res
     let this = std::env::current_exe().into_diagnostic().wrap_err("cannot find this program")?;
     let out = TempDir::new().into_diagnostic().wrap_err("cannot make a temporary folder")?;
     let programs = [this.as_path(), against, this.as_path()];
-    println!("\ntimes of {} / times of {}, {rounds} rounds", this.display(), against.display());
+    say(format_args!("\ntimes of {} / times of {}, {rounds} rounds", this.display(), against.display()))?;
     for scene in scenes {
         let mut ratios = Vec::with_capacity(rounds);
         let mut control = Vec::with_capacity(rounds);
@@ -35,7 +35,7 @@ pub fn compare(scenes: &[PathBuf], against: &Path, rounds: usize) -> miette::Res
                 control.push(this / again);
             }
         }
-        println!("{}: {}", scene.display(), finding(&ratios, &control));
+        say(format_args!("{}: {}", scene.display(), finding(&ratios, &control)))?;
     }
     Ok(())
 }
