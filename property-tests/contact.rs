@@ -325,6 +325,18 @@ fn collisions_are_those_of_dense_sampling() {
     assert!(met.get() > 500, "only {} passages", met.get());
 }
 
+/// The exterior is integrated at boundaries, out of the haptic loop's sight. What runs away there is
+/// found there.
+#[test]
+fn an_exterior_that_runs_away_is_a_named_fault_at_its_boundary() {
+    let mut scene = small_scene(LAWS[0], "rings = 1", PRESS_AND_DRAG);
+    // Steps of 50 ms: more than ten times the stable one.
+    scene.global.substeps = 2;
+    let fault = run(&scene).fault.expect("no such step is stable");
+    assert_eq!(fault.tick % 100, 0, "{fault}");
+    assert!(matches!(fault.cause, Cause::Runaway { .. } | Cause::StateNotFinite { .. }), "{fault}");
+}
+
 /// A dented block, for geometry without time.
 struct Dent {
     network: Network,

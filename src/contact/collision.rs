@@ -1,6 +1,6 @@
 //! Continuous collision detection of the moving tip against moving triangles.
 
-use super::surface::{ContactPoint, Shape};
+use super::surface::{ContactPoint, Shape, plane_weights};
 use super::tree::Aabb;
 use crate::Vec3;
 
@@ -75,12 +75,7 @@ pub fn pass_inwards(from: [Vec3; 3], to: [Vec3; 3], q0: Vec3, q1: Vec3) -> Optio
     ]);
     let inside = |time: f64| {
         let at = |part: [Vec3; 2]| part[0] + part[1] * time;
-        let (b, c, q) = (at(edge_b), at(edge_c), at(tip));
-        let n = b.cross(&c);
-        let scale = 1.0 / n.norm_squared();
-        let beta = q.cross(&c).dot(&n) * scale;
-        let gamma = b.cross(&q).dot(&n) * scale;
-        let weights = [1.0 - beta - gamma, beta, gamma];
+        let weights = plane_weights(at(edge_b), at(edge_c), at(tip));
         weights.iter().all(|&w| w >= -WEIGHT_TOLERANCE).then_some((time, weights))
     };
     let twice_area = normal[0].norm();

@@ -180,12 +180,7 @@ impl<'a> Shape<'a> {
     /// Orthogonal projection onto the plane of a triangle.
     fn onto_plane(&self, triangle: u32, q: Vec3) -> ContactPoint {
         let [a, b, c] = self.corners(triangle);
-        let (ab, ac, aq) = (b - a, c - a, q - a);
-        let normal = ab.cross(&ac);
-        let scale = 1.0 / normal.norm_squared();
-        let beta = aq.cross(&ac).dot(&normal) * scale;
-        let gamma = ab.cross(&aq).dot(&normal) * scale;
-        ContactPoint { triangle, weights: [1.0 - beta - gamma, beta, gamma] }
+        ContactPoint { triangle, weights: plane_weights(b - a, c - a, q - a) }
     }
 
     /// The point whose interpolated normal passes through q: p(w) + t n(w) = q, by Newton.
@@ -229,6 +224,15 @@ impl<'a> Shape<'a> {
         });
         ContactPoint { triangle: lower, weights }
     }
+}
+
+/// Barycentric weights of the orthogonal projection of a + aq onto the plane of a, a + ab, a + ac.
+pub(super) fn plane_weights(ab: Vec3, ac: Vec3, aq: Vec3) -> [f64; 3] {
+    let normal = ab.cross(&ac);
+    let scale = 1.0 / normal.norm_squared();
+    let beta = aq.cross(&ac).dot(&normal) * scale;
+    let gamma = ab.cross(&aq).dot(&normal) * scale;
+    [1.0 - beta - gamma, beta, gamma]
 }
 
 fn least_weight(weights: [f64; 3]) -> (usize, f64) {
