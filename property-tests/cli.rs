@@ -1,5 +1,7 @@
 //! The program from outside: exit codes, messages, and the files it writes.
 
+mod baselines;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;

@@ -12,7 +12,7 @@
 //! [`scene`] → [`model`] (mesh, network, linearisation, local model) → [`contact`] (collision,
 //! location, operators, law, tick) → [`dynamics`] (integrators, global cycle, energy) →
 //! [`device`] (instrument, fail-safe) → [`output`] (trace, summary, plots). [`pipeline`] is that
-//! path on one page.
+//! path on one page; [`verify`] holds what comes out of it against accepted results.
 //!
 //! ```
 //! use stickslip::{pipeline, scene::Scene};
@@ -64,6 +64,8 @@ pub mod device;
 pub mod pipeline;
 
 pub mod output;
+
+pub mod verify;
 
 #[cfg(feature = "cli")]
 pub mod cli;

@@ -17,6 +17,7 @@ use crate::model::local::LocalModelBuilder;
 use crate::model::network::Network;
 use crate::model::patch::Extent;
 use crate::model::surface::Surface;
+use crate::model::work::WorkCounts;
 use crate::scene::{Problem, Scene, SceneError};
 
 /// Why a run did not complete.
@@ -51,6 +52,8 @@ pub struct TickView<'a> {
     pub model_age: u64,
     /// Energies at its end.
     pub energy: &'a EnergyBook,
+    /// What both sides have computed so far.
+    pub work: WorkCounts,
 }
 
 /// A scene put together, ready to run.
@@ -190,6 +193,7 @@ impl Simulation {
                 local,
                 model_age,
                 energy: &energy,
+                work: local.state().work + self.global.work(),
             });
             tip_before = tip;
         }

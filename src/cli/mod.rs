@@ -1,11 +1,13 @@
 //! The command line: arguments in, exit code out. Nothing below this module reads arguments,
 //! prints, or ends the process.
 
+mod check;
 mod explain;
 mod progress;
 mod report;
 mod run;
 mod table;
+mod time;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -68,6 +70,12 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Compare results with accepted baselines, quantity by quantity
+    #[command(after_help = "Writes DIR/check.json with every quantity; the table shows those that fail or improved. \
+        A missing baseline, a value that is not finite, and more work than before fail.\n\n\
+        Examples:\n  stickslip check\n  stickslip check --accept fig5-stick-slip --reason \"friction bound uses the new normal\"\n  \
+        stickslip check fig5-stick-slip --time --against /tmp/before/stickslip")]
+    Check(check::CheckArguments),
 }
 
 fn after_help() -> String {
@@ -87,6 +95,7 @@ pub fn main() -> ExitCode {
         Command::Report { scenes, out } => report::report(&scenes, &out),
         Command::Run { scene, out } => run::run(&scene, out),
         Command::Explain { scene, json } => explain::explain(&scene, json),
+        Command::Check(arguments) => check::check(&arguments),
     };
     match done {
         Ok(code) => ExitCode::from(code),

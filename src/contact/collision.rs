@@ -25,11 +25,19 @@ pub struct Collision {
 
 /// When and where the tip, moving from q₀ to q₁, first passes inwards through a surface that moves
 /// from `start` to `end`, all linear in τ. `hits` is scratch; it never holds more entries than the
-/// surface has triangles.
-pub fn first_collision(start: &Shape, end: &Shape, q0: Vec3, q1: Vec3, hits: &mut Vec<Collision>) -> Option<Collision> {
+/// surface has triangles. `tested` counts the triangles that the search came to.
+pub fn first_collision(
+    start: &Shape,
+    end: &Shape,
+    q0: Vec3,
+    q1: Vec3,
+    hits: &mut Vec<Collision>,
+    tested: &mut u64,
+) -> Option<Collision> {
     hits.clear();
     let tip = Aabb::around([q0, q1]).grown(START_TOLERANCE);
     let consider = |hits: &mut Vec<Collision>, triangle: u32| {
+        *tested += 1;
         let (from, to) = (start.corners(triangle), end.corners(triangle));
         if Aabb::around(from.into_iter().chain(to)).grown(START_TOLERANCE).overlaps(&tip)
             && let Some((time, weights)) = pass_inwards(from, to, q0, q1)

@@ -263,7 +263,8 @@ impl LocalSimulation {
         let now = Shape { model: &self.model, x: &self.state.x, elapsed };
         let predicted = Shape { model: &self.model, x: &self.state.x_predicted, elapsed: elapsed + self.step };
         let Some(Contact { point, grip }) = self.contact else {
-            let collision = first_collision(&now, &predicted, q0, q1, &mut self.hits)?;
+            let collision =
+                first_collision(&now, &predicted, q0, q1, &mut self.hits, &mut self.state.work.triangles_tested)?;
             return Some(self.rewind(collision));
         };
         let found = match grip {

@@ -11,6 +11,7 @@ use crate::contact::tick::{Contact, Grip, RIGID_BELOW};
 use crate::model::local::{LocalModel, LocalModelBuilder, LocalState};
 use crate::model::network::{Network, State};
 use crate::model::surface::Surface;
+use crate::model::work::WorkCounts;
 
 /// How the network takes in what happened in the local model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -194,6 +195,7 @@ pub struct GlobalSimulation {
     stepper: Stepper,
     /// At the start of the cycle that runs now.
     contact: Option<Contact>,
+    models_built: u64,
 }
 
 impl GlobalSimulation {
@@ -206,12 +208,21 @@ impl GlobalSimulation {
     ) -> Self {
         let state = network.rest_state();
         let stepper = Stepper::new(&network);
-        Self { settings, network, surface, builder, state, stepper, contact: None }
+        Self { settings, network, surface, builder, state, stepper, contact: None, models_built: 0 }
     }
 
     /// The network's state at the last boundary.
     pub fn state(&self) -> &State {
         &self.state
+    }
+
+    /// What it has computed so far.
+    pub fn work(&self) -> WorkCounts {
+        WorkCounts {
+            cycle_springs: self.stepper.evaluations() * self.network.springs.len() as u64,
+            models_built: self.models_built,
+            ..WorkCounts::default()
+        }
     }
 
     /// The model of the network as it is, around the tip.
@@ -233,6 +244,7 @@ impl GlobalSimulation {
         let point = self.contact.map(|contact| contact.point);
         let around = point.map_or(tip, |point| self.position(&point));
         let touched = point.map(|point| point.triangle);
+        self.models_built += 1;
         let (model, state) = self.builder.build(&self.network, &self.state, around, touched);
         ModelMessage { model, state }
     }

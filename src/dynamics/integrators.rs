@@ -52,6 +52,8 @@ pub struct Stepper {
     f: Vec<Vec3>,
     stage: State,
     sum: State,
+    /// Evaluations of the network's forces so far.
+    evaluations: u64,
 }
 
 impl Stepper {
@@ -59,7 +61,12 @@ impl Stepper {
     pub fn new(network: &Network) -> Self {
         let zeros = vec![Vec3::zeros(); network.node_count()];
         let state = State { x: zeros.clone(), v: zeros.clone() };
-        Self { f: zeros, stage: state.clone(), sum: state }
+        Self { f: zeros, stage: state.clone(), sum: state, evaluations: 0 }
+    }
+
+    /// How often it evaluated a network's forces.
+    pub fn evaluations(&self) -> u64 {
+        self.evaluations
     }
 
     /// One step of length h. Fixed nodes do not move.
@@ -82,6 +89,7 @@ impl Stepper {
     fn semi_implicit_euler(&mut self, network: &Network, state: &mut State, h: f64, constraint: &impl Constraint) {
         constraint.state(0.0, state);
         network.forces(&state.x, &state.v, &mut self.f);
+        self.evaluations += 1;
         accelerate(network, &mut self.f);
         constraint.accelerations(&mut self.f);
         add_scaled(&mut state.v, &self.f, h);
@@ -107,6 +115,7 @@ impl Stepper {
                 constraint.state(ahead, &mut self.stage);
             }
             network.forces(&self.stage.x, &self.stage.v, &mut self.f);
+            self.evaluations += 1;
             accelerate(network, &mut self.f);
             constraint.accelerations(&mut self.f);
             add_scaled(&mut self.sum.x, &self.stage.v, weight * h);

@@ -8,6 +8,7 @@ use super::network::{ExternalForce, Network, State};
 use super::patch::{Extent, OUTSIDE, Patch, PatchSelector};
 use super::springs::TangentKind;
 use super::surface::Surface;
+use super::work::WorkCounts;
 use crate::Vec3;
 use crate::contact::tree::{Boxes, TriangleTree};
 
@@ -104,6 +105,8 @@ pub struct LocalState {
     pub v_predicted: Vec<Vec3>,
     /// Scratch of the linear forces.
     offset: Vec<f64>,
+    /// What was computed to get here.
+    pub work: WorkCounts,
 }
 
 /// Builds local models of one network.
@@ -175,6 +178,7 @@ impl LocalModelBuilder {
             x,
             v,
             offset,
+            work: WorkCounts::default(),
         };
         let model = LocalModel {
             start: state.x[..patch.len()].to_vec(),
@@ -192,13 +196,17 @@ impl LocalModelBuilder {
 impl LocalModel {
     /// f(x, v) into `state.f`, at `elapsed` seconds.
     pub fn evaluate_forces(&self, elapsed: f64, state: &mut LocalState) {
-        let LocalState { x, v, f, offset, .. } = state;
+        let LocalState { x, v, f, offset, work, .. } = state;
         match &self.forces {
-            LocalForces::Tangent(linear) => linear.evaluate(elapsed, x, v, offset, f),
+            LocalForces::Tangent(linear) => {
+                linear.evaluate(elapsed, x, v, offset, f);
+                work.matrix_products += 1;
+            }
             LocalForces::Springs => {
                 self.place_boundary(elapsed, x);
                 f.fill(Vec3::zeros());
                 self.patch.springs.add_forces(x, v, f);
+                work.tick_springs += self.patch.springs.len() as u64;
                 for force in &self.external {
                     force.add(&self.patch.mass, v, f);
                 }
@@ -210,7 +218,10 @@ impl LocalModel {
     pub fn update_forces(&self, elapsed: f64, state: &mut LocalState, moved: impl Iterator<Item = (usize, Vec3)>) {
         match &self.forces {
             LocalForces::Tangent(linear) => {
-                moved.for_each(|(slot, delta)| linear.add_displacement(slot, delta, &mut state.f));
+                moved.for_each(|(slot, delta)| {
+                    linear.add_displacement(slot, delta, &mut state.f);
+                    state.work.displaced_nodes += 1;
+                });
             }
             LocalForces::Springs => self.evaluate_forces(elapsed, state),
         }
@@ -279,8 +290,10 @@ impl LocalModel {
 }
 
 impl LocalState {
-    /// Takes over positions and velocities of the nodes that the state before had as well.
+    /// Takes over positions and velocities of the nodes that the state before had as well, and the
+    /// count of what was computed.
     pub fn carry_over(&mut self, patch: &Patch, before: &LocalState, patch_before: &Patch) {
+        self.work = before.work;
         let mut old = 0;
         for (slot, &node) in patch.nodes.iter().enumerate() {
             while old < patch_before.len() && patch_before.nodes[old] < node {

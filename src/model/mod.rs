@@ -8,3 +8,4 @@ pub mod network;
 pub mod patch;
 pub mod springs;
 pub mod surface;
+pub mod work;

@@ -6,6 +6,7 @@ use super::spectrum::power_above;
 use crate::Vec3;
 use crate::contact::law::Mode;
 use crate::device::failsafe::Fault;
+use crate::model::work::WorkCounts;
 use crate::pipeline::TickView;
 use crate::scene::Scene;
 
@@ -41,6 +42,7 @@ pub struct Recorder {
     patch_exits: u64,
     tunnelling_ticks: u64,
     energy: EnergySummary,
+    work: WorkCounts,
 }
 
 /// Ticks in each mode.
@@ -122,6 +124,8 @@ pub struct Summary {
     pub force_power_above_100_hz_n2: f64,
     /// The energy book.
     pub energy: EnergySummary,
+    /// What was computed.
+    pub work: WorkCounts,
     /// Of the run with its outputs.
     pub wall_time_s: f64,
 }
@@ -142,6 +146,7 @@ impl Recorder {
                 self.tunnelling_ticks += 1;
             }
         }
+        self.work = view.work;
         let energy = view.energy;
         let residual = energy.residual();
         self.energy = EnergySummary {
@@ -213,6 +218,7 @@ impl Recorder {
             mode_switches_per_s: if time > 0.0 { switches as f64 / time } else { 0.0 },
             force_power_above_100_hz_n2: power_above(&forces, 1.0 / scene.tick, RIPPLE_HZ),
             energy: self.energy,
+            work: self.work,
             wall_time_s,
         }
     }

@@ -118,6 +118,11 @@ impl Scene {
         Self::parse(shipped.text, Path::new(name)).ok()
     }
 
+    /// Its TOML.
+    pub fn text(&self) -> &str {
+        self.source.text.inner()
+    }
+
     pub(crate) fn mesh_error(&self, problem: Problem) -> SceneError {
         SceneError::at(problem, self.source.text.clone(), Some(self.source.mesh.clone()))
     }

@@ -1,0 +1,230 @@
+//! `stickslip check`: what differs from a baseline is found and named, and nothing but `--accept`
+//! changes one.
+
+use std::fs;
+use std::path::Path;
+use std::process::Output;
+
+use assert_cmd::Command;
+use serde_json::{Value, json};
+use stickslip::scene::Scene;
+use stickslip::verify::baseline::{Provenance, Store};
+use stickslip::verify::compare::{Outcome, compare};
+use stickslip::verify::results::{Number, Results};
+
+use super::{Folder, stderr, stickslip};
+
+const SCENE: &str = "fig5-stick-slip";
+const FAULTED: &str = "deep-stick-slip-faceted";
+
+fn shipped(scene: &str) -> Value {
+    let text = fs::read_to_string(format!("fixtures/baselines/{scene}.json")).expect("a shipped baseline");
+    serde_json::from_str(&text).expect("JSON")
+}
+
+fn check(scene: &str, folder: &Folder) -> (Output, String) {
+    let (baselines, out) = (folder.path("baselines"), folder.path("out"));
+    let output = stickslip(&[
+        "check",
+        scene,
+        "--baselines",
+        &baselines.display().to_string(),
+        "--out",
+        &out.display().to_string(),
+    ]);
+    let table = String::from_utf8_lossy(&output.stdout).into_owned();
+    (output, table)
+}
+
+fn accept(folder: &Folder, reason: &[&str]) -> Output {
+    let baselines = folder.path("baselines").display().to_string();
+    stickslip(&[&["check", "--accept", SCENE, "--baselines", &baselines], reason].concat())
+}
+
+fn write(folder: &Folder, scene: &str, baseline: &Value) {
+    fs::create_dir_all(folder.path("baselines")).expect("a temporary folder");
+    folder.write(&format!("baselines/{scene}.json"), &baseline.to_string());
+}
+
+/// The value of a quantity at a kept tick.
+fn value<'a>(baseline: &'a mut Value, quantity: &str, tick: u64) -> &'a mut Value {
+    let results = &mut baseline["results"];
+    let names = results["quantities"].as_array().expect("names");
+    let place = names.iter().position(|name| name == quantity).expect("a quantity");
+    let trace = results["trace"].as_array_mut().expect("a trace");
+    let row = trace.iter_mut().find(|row| row["tick"] == tick).expect("a kept tick");
+    &mut row["values"][place]
+}
+
+fn shift(value: &mut Value, by: f64) {
+    *value = json!(value.as_f64().expect("a number") + by);
+}
+
+#[test]
+fn the_shipped_baselines_hold_in_a_clone_and_out_of_one() {
+    let folder = Folder::new("check");
+    for place in [Path::new("."), &folder.0] {
+        let mut command = Command::cargo_bin("stickslip").expect("the program");
+        let out = folder.path("out");
+        let output = command.current_dir(place).arg("check").arg("--out").arg(&out).output().expect("it runs");
+        let table = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert_eq!(output.status.code(), Some(0), "{table}{}", stderr(&output));
+        assert_eq!(stderr(&output), "", "no progress where there is no terminal");
+        let file: Value =
+            serde_json::from_str(&fs::read_to_string(out.join("check.json")).expect("a file")).expect("JSON");
+        assert_eq!((&file["verdict"], file["scenes"].as_array().map(Vec::len)), (&json!("PASS"), Some(7)));
+        assert_eq!(file["baselines"] == "in the program", place == folder.0);
+    }
+}
+
+/// (what, scene, what is done to its baseline, words of one line of the table)
+type Change = (&'static str, &'static str, fn(&mut Value), &'static [&'static str]);
+
+const FAILING: &[Change] = &[
+    ("a number", SCENE, |b| shift(value(b, "fx", 400), 1e-6), &["trace fx", " 400 ", "FAIL"]),
+    ("not a number", SCENE, |b| *value(b, "fn", 600) = Value::Null, &["trace fn", "not a number", " 600 ", "FAIL"]),
+    ("a statistic", SCENE, |b| shift(&mut b["results"]["statistics"]["ft"]["rms"], 1e-6), &["ft rms", "FAIL"]),
+    (
+        "no statistic",
+        SCENE,
+        |b| b["results"]["statistics"]["ft"]["rms"] = Value::Null,
+        &["ft rms", "not a number", "FAIL"],
+    ),
+    (
+        "no summary",
+        SCENE,
+        |b| drop(b["results"]["summary"].as_object_mut().expect("numbers").remove("stored_j")),
+        &["stored_j", "missing", "FAIL"],
+    ),
+    (
+        "fewer rows",
+        SCENE,
+        |b| drop(b["results"]["trace"].as_array_mut().expect("rows").remove(30)),
+        &["trace ticks", " 600 ", "FAIL"],
+    ),
+    (
+        "no rows",
+        SCENE,
+        |b| b["results"]["trace"].as_array_mut().expect("rows").clear(),
+        &["trace mode", "missing", "FAIL"],
+    ),
+    ("a count", SCENE, |b| b["results"]["counts"]["slip_ticks"] = json!(1), &["slip_ticks", "856", "FAIL"]),
+    ("less work", SCENE, |b| b["results"]["work"]["triangles_tested"] = json!(21), &["triangles_tested", "22", "FAIL"]),
+    ("another scene", SCENE, |b| b["provenance"]["scene_sha256"] = json!("0"), &["scene_sha256", "FAIL"]),
+    ("another fault", FAULTED, |b| b["results"]["fault_tick"] = json!(885), &["tick 885", "tick 884", "FAIL"]),
+    ("no fault", FAULTED, |b| b["results"]["fault"] = Value::Null, &["fault", "FAIL"]),
+];
+
+#[test]
+fn what_differs_fails_and_is_named() {
+    let folder = Folder::new("check-failing");
+    for (what, scene, change, words) in FAILING {
+        let mut baseline = shipped(scene);
+        change(&mut baseline);
+        write(&folder, scene, &baseline);
+        let (output, table) = check(scene, &folder);
+        assert_eq!(output.status.code(), Some(1), "{what}: {table}");
+        let named = |line: &str| line.contains(scene) && words.iter().all(|word| line.contains(word));
+        assert!(table.lines().any(named), "{what}: no line with {words:?} in\n{table}");
+    }
+}
+
+#[test]
+fn without_a_baseline_it_fails_and_makes_none() {
+    let folder = Folder::new("check-missing");
+    let (output, table) = check(SCENE, &folder);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(table.contains("there is no baseline") && table.contains(&format!("{SCENE}.json")), "{table}");
+    assert!(!folder.path("baselines").exists());
+    write(&folder, SCENE, &json!({}));
+    let (output, table) = check(SCENE, &folder);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(table.contains("is not a baseline"), "{table}");
+}
+
+#[test]
+fn round_off_passes_and_less_work_is_reported() {
+    let folder = Folder::new("check-passing");
+    let mut baseline = shipped(SCENE);
+    shift(value(&mut baseline, "fx", 400), 1e-13);
+    baseline["results"]["work"]["matrix_products"] = json!(1202);
+    write(&folder, SCENE, &baseline);
+    let (output, table) = check(SCENE, &folder);
+    assert_eq!(output.status.code(), Some(0), "{table}");
+    assert!(table.contains("1 within tolerance") && table.contains("1 improved"), "{table}");
+    let improved = |line: &str| ["matrix_products", "1202", "1201", "improved"].iter().all(|word| line.contains(word));
+    assert!(table.lines().any(improved), "{table}");
+}
+
+#[test]
+fn a_run_that_is_not_finite_fails_against_anything() {
+    let scene = Scene::shipped(SCENE).expect("a shipped scene");
+    let mut baseline = Store::Program.load(SCENE).expect("a baseline in the program");
+    let mut results = Results::of(&scene, |_| {}).expect("it starts outside");
+    assert_eq!(results.not_finite(), None);
+    for wrong in [f64::NAN, f64::INFINITY] {
+        results.trace[20].values[3] = Number(wrong);
+        baseline.results.trace[20].values[3] = Number(wrong);
+        assert_eq!(results.not_finite(), Some(("fn".to_owned(), Some(400))));
+        let failed: Vec<_> = compare(&baseline, &Provenance::of(&scene), &results)
+            .into_iter()
+            .filter(|comparison| comparison.outcome == Outcome::Fail)
+            .map(|comparison| (comparison.quantity, comparison.first_tick))
+            .collect();
+        assert_eq!(failed, [("trace fn".to_owned(), Some(400))]);
+    }
+}
+
+#[test]
+fn only_accept_with_a_reason_changes_a_baseline_and_keeps_what_was() {
+    let folder = Folder::new("check-accept");
+    let mut before = shipped(SCENE);
+    shift(value(&mut before, "fx", 400), 1e-3);
+    let old = value(&mut before, "fx", 400).clone();
+    write(&folder, SCENE, &before);
+    let read = || fs::read_to_string(folder.path(&format!("baselines/{SCENE}.json"))).expect("a baseline");
+
+    for reason in [&[][..], &["--reason", ""], &["--reason", "  "]] {
+        assert_eq!(accept(&folder, reason).status.code(), Some(2), "{reason:?}");
+        assert_eq!(read(), before.to_string());
+    }
+    assert_eq!(stickslip(&["check", "--reason", "because"]).status.code(), Some(2));
+
+    let output = accept(&folder, &["--reason", "the force was wrong"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let after: Value = serde_json::from_str(&read()).expect("JSON");
+    assert_eq!(after["results"], shipped(SCENE)["results"], "every bit survives the file");
+    let history = after["accepted"].as_array().expect("a history");
+    assert_eq!(history.len(), 2);
+    assert_eq!(history[1]["reason"], "the force was wrong");
+    assert_eq!(history[1]["previous"], json!({ "trace fx": old }));
+    assert_eq!(check(SCENE, &folder).0.status.code(), Some(0));
+
+    let text = read();
+    assert_eq!(accept(&folder, &["--reason", "once more"]).status.code(), Some(0));
+    assert_eq!(read(), text, "nothing to accept, nothing written");
+    folder.write(&format!("baselines/{SCENE}.json"), "{}");
+    assert_eq!(accept(&folder, &["--reason", "lost"]).status.code(), Some(2));
+    assert_eq!(read(), "{}");
+}
+
+#[test]
+fn timing_has_a_control_and_no_say_in_the_verdict() {
+    let folder = Folder::new("check-time");
+    let this = assert_cmd::cargo::cargo_bin("stickslip").display().to_string();
+    let out = folder.path("out").display().to_string();
+    let timed = |against: &str, rounds: &str| {
+        stickslip(&["check", "fig3-sliding", "--out", &out, "--time", "--against", against, "--rounds", rounds])
+    };
+    let output = timed(&this, "6");
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(output.status.code(), Some(0), "{text}{}", stderr(&output));
+    for word in ["median ratio", "96.9 % interval", "control", "the smallest effect it could have seen is"] {
+        assert!(text.contains(word), "{word} is not in\n{text}");
+    }
+    assert_eq!(timed(&this, "5").status.code(), Some(2));
+    let output = timed("no-such-program", "6");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("no-such-program"), "{}", stderr(&output));
+    assert_eq!(stickslip(&["check", "--time"]).status.code(), Some(2));
+}

@@ -1,0 +1,192 @@
+//! `stickslip check`: results against accepted baselines.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde::Serialize;
+
+use super::progress::Progress;
+use super::{FAIL, PASS, load, table, time};
+use crate::output::files::{WriteError, write_json};
+use crate::scene::{SHIPPED, Scene, SceneError};
+use crate::verify::accept::accept;
+use crate::verify::baseline::{Provenance, Store};
+use crate::verify::compare::{Comparison, Outcome, compare};
+use crate::verify::paired::{FEWEST_PAIRS, MOST_PAIRS};
+use crate::verify::results::Results;
+
+/// Where a clone of the project has its baselines.
+const IN_CLONE: &str = "fixtures/baselines";
+
+#[derive(Debug, Args)]
+pub struct CheckArguments {
+    /// Scene files or names of shipped scenes (default: all shipped scenes)
+    #[arg(value_name = "SCENE")]
+    scenes: Vec<PathBuf>,
+    /// Where check.json goes
+    #[arg(long, value_name = "DIR", default_value = "reports/check")]
+    out: PathBuf,
+    /// Folder with a <scene name>.json for each scene (default: fixtures/baselines where there is
+    /// such a folder, else the baselines in the program)
+    #[arg(long, value_name = "DIR")]
+    baselines: Option<PathBuf>,
+    /// Make the present results of a scene its baseline
+    #[arg(long, value_name = "SCENE", requires = "reason", conflicts_with_all = ["scenes", "out", "time"])]
+    accept: Option<PathBuf>,
+    /// Why they are right; kept in the baseline with the values they replace
+    #[arg(long, value_name = "TEXT", requires = "accept", value_parser = reason)]
+    reason: Option<String>,
+    /// Then time this program against another one; says nothing about the verdict
+    #[arg(long, requires = "against")]
+    time: bool,
+    /// The other program
+    #[arg(long, value_name = "PROGRAM", requires = "time")]
+    against: Option<PathBuf>,
+    /// Rounds in which both programs and the control take a turn
+    #[arg(long, value_name = "N", requires = "time", default_value_t = 40, value_parser = rounds)]
+    rounds: usize,
+}
+
+fn reason(text: &str) -> Result<String, String> {
+    if text.trim().is_empty() { Err("say what changed and why it is right".to_owned()) } else { Ok(text.to_owned()) }
+}
+
+fn rounds(text: &str) -> Result<usize, String> {
+    let rounds = text.parse().ok().filter(|rounds| (FEWEST_PAIRS..=MOST_PAIRS).contains(rounds));
+    rounds.ok_or_else(|| format!("a whole number from {FEWEST_PAIRS} to {MOST_PAIRS} is needed"))
+}
+
+/// `check.json`.
+#[derive(Serialize)]
+struct CheckFile<'a> {
+    version: &'static str,
+    verdict: &'static str,
+    baselines: String,
+    scenes: &'a [Checked],
+}
+
+/// A scene with its verdict.
+#[derive(Serialize)]
+pub struct Checked {
+    pub scene: String,
+    pub verdict: &'static str,
+    /// Why there was nothing to compare with.
+    pub problem: Option<String>,
+    pub identical: usize,
+    pub within_tolerance: usize,
+    pub improved: usize,
+    pub failed: usize,
+    provenance: Provenance,
+    baseline_provenance: Option<Provenance>,
+    pub comparisons: Vec<Comparison>,
+}
+
+impl Checked {
+    fn new(store: &Store, scene: &Scene, results: &Results) -> Self {
+        let provenance = Provenance::of(scene);
+        let (baseline_provenance, comparisons, problem) = match store.load(&scene.name) {
+            Ok(baseline) => {
+                let comparisons = compare(&baseline, &provenance, results);
+                (Some(baseline.provenance), comparisons, None)
+            }
+            Err(error) => (None, Vec::new(), Some(error.to_string())),
+        };
+        let count = |outcome| comparisons.iter().filter(|comparison| comparison.outcome == outcome).count();
+        let failed = count(Outcome::Fail);
+        let passes = failed == 0 && !comparisons.is_empty();
+        Self {
+            scene: scene.name.clone(),
+            verdict: verdict(passes),
+            problem,
+            identical: count(Outcome::Identical),
+            within_tolerance: count(Outcome::Within),
+            improved: count(Outcome::Improved),
+            failed,
+            provenance,
+            baseline_provenance,
+            comparisons,
+        }
+    }
+}
+
+fn verdict(passes: bool) -> &'static str {
+    if passes { "PASS" } else { "FAIL" }
+}
+
+pub fn check(arguments: &CheckArguments) -> miette::Result<u8> {
+    if let (Some(scene), Some(reason)) = (&arguments.accept, &arguments.reason) {
+        return accept_results(scene, reason, arguments.baselines.as_deref());
+    }
+    let shipped = SHIPPED.iter().map(|shipped| shipped.name.into());
+    let scenes = if arguments.scenes.is_empty() { shipped.collect() } else { arguments.scenes.clone() };
+    // All scenes are read before the first one runs.
+    let loaded: Vec<Scene> = scenes.iter().map(|scene| load(scene)).collect::<Result<_, SceneError>>()?;
+    let store = match &arguments.baselines {
+        Some(folder) => Store::Folder(folder.clone()),
+        None if Path::new(IN_CLONE).is_dir() => Store::Folder(IN_CLONE.into()),
+        None => Store::Program,
+    };
+
+    let mut progress = Progress::new(loaded.iter().map(|scene| scene.tick_count).sum());
+    let mut checked = Vec::with_capacity(loaded.len());
+    for scene in &loaded {
+        progress.begin(&scene.name);
+        let results = Results::of(scene, |ticks| progress.set(ticks))?;
+        progress.end(scene.tick_count);
+        checked.push(Checked::new(&store, scene, &results));
+    }
+    drop(progress);
+
+    let passes = checked.iter().all(|scene| scene.verdict == verdict(true));
+    let out = &arguments.out;
+    fs::create_dir_all(out).map_err(|source| WriteError { path: out.clone(), source })?;
+    let baselines = match &store {
+        Store::Folder(folder) => folder.display().to_string(),
+        Store::Program => "in the program".to_owned(),
+    };
+    let file = CheckFile { version: env!("CARGO_PKG_VERSION"), verdict: verdict(passes), baselines, scenes: &checked };
+    write_json(&out.join("check.json"), &file)?;
+
+    println!("{}", table::checked(&checked));
+    if let Some(table) = table::changed(&checked) {
+        println!("{table}");
+    }
+    println!("{}: every quantity in {}", verdict(passes), out.join("check.json").display());
+
+    if let Some(against) = &arguments.against {
+        time::compare(&scenes, against, arguments.rounds)?;
+    }
+    Ok(if passes { PASS } else { FAIL })
+}
+
+fn accept_results(scene: &Path, reason: &str, folder: Option<&Path>) -> miette::Result<u8> {
+    let scene = load(scene)?;
+    let folder = match folder {
+        Some(folder) => folder,
+        None if Path::new(IN_CLONE).is_dir() => Path::new(IN_CLONE),
+        None => miette::bail!(
+            help = "run it in a clone of the project, or give a folder with --baselines DIR",
+            "there is no folder {IN_CLONE} here"
+        ),
+    };
+    let mut progress = Progress::new(scene.tick_count);
+    progress.begin(&scene.name);
+    let results = Results::of(&scene, |ticks| progress.set(ticks))?;
+    drop(progress);
+    if let Some((quantity, tick)) = results.not_finite() {
+        let place = tick.map_or(String::new(), |tick| format!(" at tick {tick}"));
+        eprintln!("{}: {quantity} is not finite{place}; this is not accepted", scene.name);
+        return Ok(FAIL);
+    }
+    let present = Store::Folder(folder.to_owned()).load(&scene.name);
+    match accept(present, &scene, results, reason)? {
+        None => println!("{}: nothing differs from the baseline, which stays as it is", scene.name),
+        Some(baseline) => {
+            let path = baseline.save(folder)?;
+            let replaced = baseline.accepted.last().map_or(0, |acceptance| acceptance.previous.len());
+            println!("{}: accepted, {replaced} quantities changed, in {}", scene.name, path.display());
+        }
+    }
+    Ok(PASS)
+}

@@ -1,0 +1,86 @@
+//! `stickslip check --time`: this program against another one, in turns, with a control.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+use miette::{IntoDiagnostic, WrapErr};
+use tempfile::TempDir;
+
+use super::{FAIL, PASS};
+use crate::verify::paired::Median;
+
+/// Rounds that are not counted: files and code get into the caches.
+const WARM_UP: usize = 2;
+
+/// Times whole runs of the program, with their output into a temporary folder. In every round each
+/// of this program, the other one, and this one again as control has a turn; who is first rotates.
+pub fn compare(scenes: &[PathBuf], against: &Path, rounds: usize) -> miette::Result<()> {
+    let this = std::env::current_exe().into_diagnostic().wrap_err("cannot find this program")?;
+    let out = TempDir::new().into_diagnostic().wrap_err("cannot make a temporary folder")?;
+    let programs = [this.as_path(), against, this.as_path()];
+    println!("\ntimes of {} / times of {}, {rounds} rounds", this.display(), against.display());
+    for scene in scenes {
+        let mut ratios = Vec::with_capacity(rounds);
+        let mut control = Vec::with_capacity(rounds);
+        for round in 0..WARM_UP + rounds {
+            let mut times = [0.0; 3];
+            for turn in 0..3 {
+                let which = (round + turn) % 3;
+                times[which] = time(programs[which], scene, out.path())?;
+            }
+            if round >= WARM_UP {
+                let [this, other, again] = times;
+                ratios.push(this / other);
+                control.push(this / again);
+            }
+        }
+        println!("{}: {}", scene.display(), finding(&ratios, &control));
+    }
+    Ok(())
+}
+
+fn finding(ratios: &[f64], control: &[f64]) -> String {
+    let (Some(ratio), Some(control)) = (Median::of(ratios), Median::of(control)) else {
+        return "the clock gave no usable times".to_owned();
+    };
+    let Median { median, lower, upper, confidence } = ratio;
+    let smallest = 100.0 * control.reach();
+    let seen = if !control.covers_one() {
+        "the control differs from itself: the machine was not quiet enough to tell"
+    } else if ratio.covers_one() || (median - 1.0).abs() <= control.reach() {
+        "no difference seen"
+    } else if median < 1.0 {
+        "this program is faster"
+    } else {
+        "this program is slower"
+    };
+    format!(
+        "median ratio {median:.4}, {:.1} % interval {lower:.4} to {upper:.4}; control {:.4}, {:.4} to {:.4}; \
+         the smallest effect it could have seen is {smallest:.2} %; {seen}",
+        100.0 * confidence,
+        control.median,
+        control.lower,
+        control.upper
+    )
+}
+
+fn time(program: &Path, scene: &Path, out: &Path) -> miette::Result<f64> {
+    let mut command = Command::new(program);
+    command
+        .arg("run")
+        .arg(scene)
+        .arg("--out")
+        .arg(out)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    let start = Instant::now();
+    let status = command.status().into_diagnostic().wrap_err_with(|| format!("cannot run {}", program.display()))?;
+    let elapsed = start.elapsed().as_secs_f64();
+    // A fault is an end like any other.
+    match status.code() {
+        Some(code) if [PASS, FAIL].map(i32::from).contains(&code) => Ok(elapsed),
+        _ => miette::bail!("{} run {} ended with {status}", program.display(), scene.display()),
+    }
+}

@@ -1,0 +1,51 @@
+//! What a run computes, counted: a change of cost shows without a clock.
+
+use std::ops::Add;
+
+use serde::Serialize;
+
+/// Counts that depend on the scene and the program alone, never on the machine.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct WorkCounts {
+    /// Springs evaluated by ticks.
+    pub tick_springs: u64,
+    /// Products \[K D\] z by ticks.
+    pub matrix_products: u64,
+    /// Nodes whose displacement was added to the linear forces: three columns of K each.
+    pub displaced_nodes: u64,
+    /// Triangles that collision detection tested.
+    pub triangles_tested: u64,
+    /// Springs evaluated by global cycles.
+    pub cycle_springs: u64,
+    /// Local models built.
+    pub models_built: u64,
+}
+
+impl WorkCounts {
+    /// Every count with its name.
+    pub fn named(&self) -> [(&'static str, u64); 6] {
+        [
+            ("tick_springs", self.tick_springs),
+            ("matrix_products", self.matrix_products),
+            ("displaced_nodes", self.displaced_nodes),
+            ("triangles_tested", self.triangles_tested),
+            ("cycle_springs", self.cycle_springs),
+            ("models_built", self.models_built),
+        ]
+    }
+}
+
+impl Add for WorkCounts {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            tick_springs: self.tick_springs + other.tick_springs,
+            matrix_products: self.matrix_products + other.matrix_products,
+            displaced_nodes: self.displaced_nodes + other.displaced_nodes,
+            triangles_tested: self.triangles_tested + other.triangles_tested,
+            cycle_springs: self.cycle_springs + other.cycle_springs,
+            models_built: self.models_built + other.models_built,
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! Making results a baseline: the only way in which one comes about or changes.
+
+use std::collections::BTreeMap;
+
+use miette::Diagnostic;
+use thiserror::Error;
+
+use super::baseline::{Acceptance, Baseline, BaselineError, Provenance};
+use super::compare::{Outcome, compare};
+use super::results::Results;
+use crate::scene::Scene;
+
+/// Why results were not accepted.
+#[derive(Debug, Error, Diagnostic)]
+pub enum AcceptError {
+    /// Nobody said why.
+    #[error("a baseline is not changed without a reason")]
+    #[diagnostic(help("say with --reason what changed the results and why that is right"))]
+    NoReason,
+    /// The present baseline is there, but what it says would be lost.
+    #[error(transparent)]
+    #[diagnostic(help("restore the file, or delete it to begin with a first baseline"))]
+    Baseline(BaselineError),
+}
+
+/// The baseline after `results` are accepted; `None` if nothing changes.
+///
+/// # Errors
+/// Without a reason, or if the present baseline cannot be read.
+pub fn accept(
+    present: Result<Baseline, BaselineError>,
+    scene: &Scene,
+    results: Results,
+    reason: &str,
+) -> Result<Option<Baseline>, AcceptError> {
+    if reason.trim().is_empty() {
+        return Err(AcceptError::NoReason);
+    }
+    let provenance = Provenance::of(scene);
+    let (mut accepted, previous) = match present {
+        Err(BaselineError::Missing(_)) => (Vec::new(), BTreeMap::new()),
+        Err(error) => return Err(AcceptError::Baseline(error)),
+        Ok(present) => {
+            let changed = compare(&present, &provenance, &results);
+            let changed = changed.into_iter().filter(|comparison| comparison.outcome != Outcome::Identical);
+            let previous: BTreeMap<_, _> = changed.map(|c| (c.quantity, c.baseline)).collect();
+            if previous.is_empty() {
+                return Ok(None);
+            }
+            (present.accepted, previous)
+        }
+    };
+    let version = provenance.version.clone();
+    accepted.push(Acceptance { reason: reason.trim().to_owned(), version, previous });
+    Ok(Some(Baseline { scene: scene.name.clone(), provenance, accepted, results }))
+}

@@ -1,0 +1,8 @@
+//! Held against what was accepted before: results of a run, the baselines they are compared with,
+//! and times of two programs.
+
+pub mod accept;
+pub mod baseline;
+pub mod compare;
+pub mod paired;
+pub mod results;

@@ -1,0 +1,252 @@
+//! What a baseline keeps of a run: statistics of its trace, a thinned trace, its summary, its work.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde_json::value::RawValue;
+
+use crate::device::failsafe::{Cause, Fault};
+use crate::output::summary::{Recorder, Summary};
+use crate::pipeline::{Simulation, TickView};
+use crate::scene::{Scene, SceneError};
+
+/// Every so many ticks, one is kept.
+pub const KEEP_EVERY: u64 = 20;
+
+/// The quantities of a trace that are kept and compared, in the order of [`KeptTick::values`].
+pub const QUANTITIES: [&str; 12] = [
+    "fx",
+    "fy",
+    "fz",
+    "fn",
+    "ft",
+    "kinetic",
+    "elastic",
+    "gravitational",
+    "work",
+    "damping_loss",
+    "friction_loss",
+    "model_age",
+];
+
+/// The first so many of [`QUANTITIES`] are parts of the force.
+pub const FORCES: usize = 5;
+
+/// A number that JSON writes as `null` where it is not finite.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Number(pub f64);
+
+impl Serialize for Number {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_f64(self.0)
+    }
+}
+
+impl<'de> Deserialize<'de> for Number {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Option::<f64>::deserialize(deserializer).map(|value| Self(value.unwrap_or(f64::NAN)))
+    }
+}
+
+/// One quantity over a run.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Statistics {
+    /// Smallest.
+    pub min: Number,
+    /// Largest.
+    pub max: Number,
+    /// Mean.
+    pub mean: Number,
+    /// Root mean square.
+    pub rms: Number,
+}
+
+impl Statistics {
+    /// Not a number, if one of the values is not.
+    fn of(values: impl Iterator<Item = f64> + Clone) -> Self {
+        let n = values.clone().count() as f64;
+        // f64::min and max pass over NaN; the sums do not.
+        let sum: f64 = values.clone().sum();
+        let square: f64 = values.clone().map(|value| value * value).sum();
+        let extreme = |pick: fn(f64, f64) -> f64| {
+            let found = values.clone().reduce(pick).unwrap_or(f64::NAN);
+            Number(if sum.is_nan() { f64::NAN } else { found })
+        };
+        Self { min: extreme(f64::min), max: extreme(f64::max), mean: Number(sum / n), rms: Number((square / n).sqrt()) }
+    }
+
+    /// Each with its name.
+    pub fn named(&self) -> [(&'static str, f64); 4] {
+        [("min", self.min.0), ("max", self.max.0), ("mean", self.mean.0), ("rms", self.rms.0)]
+    }
+}
+
+/// One tick of the thinned trace.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct KeptTick {
+    /// Counted from 0.
+    pub tick: u64,
+    /// What the contact did.
+    pub mode: String,
+    /// Where; none when free.
+    pub triangle: Option<u32>,
+    /// One of each of [`QUANTITIES`], every bit.
+    pub values: Vec<Number>,
+}
+
+/// What a run came to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Results {
+    /// Tick of the fault that ended it, if one did.
+    pub fault_tick: Option<u64>,
+    /// What was wrong.
+    pub fault: Option<String>,
+    /// Whole numbers of the summary, ticks per mode among them.
+    pub counts: BTreeMap<String, u64>,
+    /// What was computed.
+    pub work: BTreeMap<String, u64>,
+    /// Numbers of the summary.
+    pub summary: BTreeMap<String, Number>,
+    /// By quantity.
+    pub statistics: BTreeMap<String, Statistics>,
+    /// Names of the values in a tick of the trace.
+    pub quantities: Vec<String>,
+    /// The first of every [`KEEP_EVERY`] ticks, and the last.
+    #[serde(serialize_with = "line_by_line")]
+    pub trace: Vec<KeptTick>,
+}
+
+/// A tick to a line, also where everything around it is indented.
+fn line_by_line<S: Serializer>(trace: &[KeptTick], serializer: S) -> Result<S::Ok, S::Error> {
+    let line = |tick| serde_json::to_string(tick).and_then(RawValue::from_string);
+    let lines: Vec<_> = trace.iter().map(line).collect::<Result<_, _>>().map_err(serde::ser::Error::custom)?;
+    lines.serialize(serializer)
+}
+
+impl Results {
+    /// Runs a scene. A fault is a result like any other. `progress` is called with the number of
+    /// ticks done.
+    ///
+    /// # Errors
+    /// If the scene cannot start.
+    pub fn of(scene: &Scene, mut progress: impl FnMut(u64)) -> Result<Self, SceneError> {
+        let simulation = Simulation::prepare(scene)?;
+        let mut recorder = Recorder::default();
+        let mut columns = vec![Vec::with_capacity(scene.tick_count as usize); QUANTITIES.len()];
+        let mut trace = Vec::new();
+        let mut last = None;
+        let fault = simulation
+            .run(|view| {
+                recorder.record(view);
+                let values = values(view);
+                columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
+                let kept = KeptTick {
+                    tick: view.tick,
+                    mode: view.report.mode.name().to_owned(),
+                    triangle: view.report.touch.map(|touch| touch.point.triangle),
+                    values: values.map(Number).to_vec(),
+                };
+                if view.tick.is_multiple_of(KEEP_EVERY) {
+                    trace.push(kept);
+                    last = None;
+                } else {
+                    last = Some(kept);
+                }
+                progress(view.tick + 1);
+            })
+            .err();
+        trace.extend(last);
+        let summary = recorder.summary(scene, fault.as_ref(), 0.0);
+        let statistics = QUANTITIES.iter().zip(&columns);
+        Ok(Self {
+            fault_tick: fault.map(|fault| fault.tick),
+            fault: fault.map(|fault| cause(&fault).to_owned()),
+            counts: counts(&summary),
+            work: summary.work.named().map(|(name, count)| (name.to_owned(), count)).into(),
+            summary: numbers(&summary),
+            statistics: statistics
+                .map(|(name, column)| ((*name).to_owned(), Statistics::of(column.iter().copied())))
+                .collect(),
+            quantities: QUANTITIES.map(str::to_owned).to_vec(),
+            trace,
+        })
+    }
+
+    /// The name of the first value that is not finite, and its tick if it is of the trace.
+    pub fn not_finite(&self) -> Option<(String, Option<u64>)> {
+        for tick in &self.trace {
+            if let Some(i) = tick.values.iter().position(|value| !value.0.is_finite()) {
+                return Some((self.quantities.get(i).cloned().unwrap_or_default(), Some(tick.tick)));
+            }
+        }
+        let statistics = self.statistics.iter().flat_map(|(name, statistics)| {
+            statistics.named().map(|(statistic, value)| (format!("{name} {statistic}"), value))
+        });
+        let summary = self.summary.iter().map(|(name, value)| (name.clone(), value.0));
+        statistics.chain(summary).find(|(_, value)| !value.is_finite()).map(|(name, _)| (name, None))
+    }
+}
+
+fn values(view: &TickView) -> [f64; QUANTITIES.len()] {
+    let energy = view.energy;
+    [
+        view.force.x,
+        view.force.y,
+        view.force.z,
+        view.report.normal_force,
+        view.report.tangential_force(),
+        energy.kinetic,
+        energy.elastic,
+        energy.gravitational,
+        energy.work,
+        energy.damping_loss,
+        energy.friction_loss,
+        view.model_age as f64,
+    ]
+}
+
+/// What kind of fault; its numbers, of a state that runs away, say less than its tick.
+fn cause(fault: &Fault) -> &'static str {
+    match fault.cause {
+        Cause::ForceNotFinite => "the contact force is not finite",
+        Cause::StateNotFinite { .. } => "the state is not finite",
+        Cause::Runaway { .. } => "a node ran away",
+    }
+}
+
+fn counts(summary: &Summary) -> BTreeMap<String, u64> {
+    let modes = summary.mode_ticks;
+    let counts = [
+        ("ticks", summary.ticks),
+        ("free_ticks", modes.free),
+        ("stick_ticks", modes.stick),
+        ("slide_ticks", modes.slide),
+        ("slip_ticks", modes.slip),
+        ("collisions", summary.collisions),
+        ("contact_losses", summary.contact_losses),
+        ("releases", summary.releases),
+        ("tension_ticks", summary.tension_ticks),
+        ("patch_exits", summary.patch_exits),
+        ("tunnelling_ticks", summary.tunnelling_ticks),
+    ];
+    counts.map(|(name, count)| (name.to_owned(), count)).into()
+}
+
+fn numbers(summary: &Summary) -> BTreeMap<String, Number> {
+    let energy = summary.energy;
+    let numbers = [
+        ("largest_force_n", summary.largest_force_n),
+        ("largest_normal_force_n", summary.largest_normal_force_n),
+        ("largest_tangential_force_n", summary.largest_tangential_force_n),
+        ("largest_force_jump_n", summary.largest_force_jump_n),
+        ("mode_switches_per_s", summary.mode_switches_per_s),
+        ("force_power_above_100_hz_n2", summary.force_power_above_100_hz_n2),
+        ("absolute_work_j", energy.absolute_work_j),
+        ("stored_j", energy.stored_j),
+        ("energy_residual_j", energy.residual_j),
+    ];
+    numbers.map(|(name, value)| (name.to_owned(), Number(value))).into()
+}
