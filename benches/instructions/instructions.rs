@@ -1,0 +1,104 @@
+//! Instructions of ticks of `fig5-stick-slip` and of the forces of a network, held below limits.
+//!
+//! `cargo bench --manifest-path benches/instructions/Cargo.toml`; needs valgrind and
+//! `cargo install gungraun-runner --version 0.20.0`. Counts depend on the compiler and the target
+//! features, not on how busy the machine is.
+
+use std::hint::black_box;
+
+use gungraun::prelude::*;
+use gungraun::{Callgrind, EventKind};
+use stickslip::Vec3;
+use stickslip::contact::tick::LocalSimulation;
+use stickslip::model::network::{Network, State};
+use stickslip::pipeline::Simulation;
+use stickslip::scene::Scene;
+
+const TICKS: u64 = 100;
+/// A limit is what was measured (x86-64 with SSE2, rustc 1.95) and a tenth more: another compiler
+/// moves counts by some percent, an allocation or a second sweep in a tick by more.
+const MARGIN: f64 = 1.1;
+const TICKS_IN_CONTACT: u64 = 1_712_483;
+const TICKS_FREE: u64 = 1_464_383;
+const FORCES: u64 = 138_458;
+const PRESSED: f64 = -0.003;
+const HOVERING: f64 = 0.0005;
+
+/// The local side, and a tip that goes back and forth by a millimetre at 50 mm/s.
+struct Ticking {
+    local: LocalSimulation,
+    tick: u64,
+    before: Vec3,
+}
+
+impl Ticking {
+    fn step(&mut self, height: f64) -> bool {
+        self.tick += 1;
+        let phase = (self.tick % 80) as f64 / 40.0;
+        let after = Vec3::new(-0.03 + 0.002 * if phase < 1.0 { phase } else { 2.0 - phase }, 0.0013, height);
+        let report = self.local.tick(self.before, after);
+        self.before = after;
+        report.touch.is_some()
+    }
+}
+
+fn simulation() -> Simulation {
+    let scene = Scene::shipped("fig5-stick-slip").expect("a shipped scene");
+    Simulation::prepare(&scene).expect("it starts outside")
+}
+
+/// Down to a height through the surface, as a collision needs, and on until the pressing is over.
+fn ticking(height: f64) -> (Ticking, f64) {
+    let local = simulation().into_sides().1;
+    let mut ticking = Ticking { local, tick: 0, before: Vec3::new(-0.03, 0.0013, 0.002) };
+    for i in 0..80 {
+        ticking.step(0.002 + (height - 0.002) * f64::from(i) / 79.0);
+    }
+    for _ in 0..TICKS {
+        let touches = ticking.step(height);
+        assert_eq!(touches, height < 0.0, "the tick is not the one that is measured");
+    }
+    (ticking, height)
+}
+
+fn network() -> (Network, State, Vec<Vec3>) {
+    let network = simulation().network().clone();
+    let mut state = network.rest_state();
+    for (i, (x, v)) in state.x.iter_mut().zip(&mut state.v).enumerate() {
+        let wave = |k: f64| (k * i as f64).sin();
+        *x += Vec3::new(wave(1.1), wave(2.3), wave(3.7)) * 1e-3;
+        *v = Vec3::new(wave(0.7), wave(1.9), wave(2.9)) * 1e-2;
+    }
+    let f = vec![Vec3::zeros(); network.node_count()];
+    (network, state, f)
+}
+
+/// A run fails if it takes more, by the margin.
+fn limit(measured: u64) -> LibraryBenchmarkConfig {
+    let mut config = LibraryBenchmarkConfig::default();
+    let mut callgrind = Callgrind::default();
+    callgrind.hard_limits([(EventKind::Ir, (measured as f64 * MARGIN) as u64)]);
+    config.tool(callgrind);
+    config
+}
+
+#[library_benchmark]
+#[bench::in_contact(args = (PRESSED), setup = ticking, config = limit(TICKS_IN_CONTACT))]
+#[bench::free(args = (HOVERING), setup = ticking, config = limit(TICKS_FREE))]
+fn hundred_ticks((mut ticking, height): (Ticking, f64)) -> Ticking {
+    for _ in 0..TICKS {
+        black_box(ticking.step(black_box(height)));
+    }
+    ticking
+}
+
+#[library_benchmark]
+#[bench::springs_2195(setup = network, config = limit(FORCES))]
+fn forces((network, state, mut f): (Network, State, Vec<Vec3>)) -> (Network, State, Vec<Vec3>) {
+    network.forces(black_box(&state.x), black_box(&state.v), &mut f);
+    (network, state, f)
+}
+
+library_benchmark_group!(name = instructions, benchmarks = [hundred_ticks, forces]);
+
+main!(library_benchmark_groups = instructions);
