@@ -18,9 +18,9 @@ const TICKS: u64 = 100;
 /// A limit is what was measured (x86-64 with SSE2, rustc 1.95) and a tenth more: another compiler
 /// moves counts by some percent, an allocation or a second sweep in a tick by more.
 const MARGIN: f64 = 1.1;
-const TICKS_IN_CONTACT: u64 = 1_712_483;
-const TICKS_FREE: u64 = 1_464_383;
-const FORCES: u64 = 138_458;
+const TICKS_IN_CONTACT: u64 = 1_709_183;
+const TICKS_FREE: u64 = 1_462_583;
+const FORCES: u64 = 103_889;
 const PRESSED: f64 = -0.003;
 const HOVERING: f64 = 0.0005;
 
