@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use criterion::Criterion;
 use stickslip::Vec3;
+use stickslip::contact::surface::ContactGeometry;
 use stickslip::model::linearization::LinearForces;
 use stickslip::model::local::{ExteriorKind, Linearization, LocalModelBuilder, LocalSettings};
 use stickslip::model::mesh::{Block, Stencil};
@@ -46,7 +47,7 @@ fn linearise(nodes: [usize; 3]) -> impl FnMut() {
     let (network, surface) = network(nodes);
     let state = network.rest_state();
     let mut selector = PatchSelector::new(&network, &surface);
-    let patch = selector.select(&network, &surface, &state.x, Vec3::zeros(), None, Extent::Rings(1));
+    let patch = selector.select(&network, &surface, &state.x, Vec3::zeros(), &[], Extent::Rings(1));
     let slots = patch.nodes.iter().chain(&patch.boundary);
     let x: Vec<Vec3> = slots.map(|&node| state.x[node as usize]).collect();
     let v = vec![Vec3::zeros(); x.len()];
@@ -62,7 +63,7 @@ fn select(nodes: [usize; 3]) -> impl FnMut() {
     let mut selector = PatchSelector::new(&network, &surface);
     move || {
         let x = black_box(&state.x);
-        drop(black_box(selector.select(&network, &surface, x, Vec3::zeros(), None, Extent::Rings(1))));
+        drop(black_box(selector.select(&network, &surface, x, Vec3::zeros(), &[], Extent::Rings(1))));
     }
 }
 
@@ -72,7 +73,7 @@ fn build(nodes: [usize; 3]) -> impl FnMut() {
     let state = network.rest_state();
     let linearization = Linearization::Tangent(TangentKind::Exact);
     let settings = LocalSettings { extent: Extent::Rings(1), linearization, exterior: ExteriorKind::Fixed };
-    let mut builder = LocalModelBuilder::new(&network, surface, settings);
+    let mut builder = LocalModelBuilder::new(&network, surface, ContactGeometry::Faceted, settings);
     move || drop(black_box(builder.build(&network, black_box(&state), Vec3::zeros(), None)))
 }
 

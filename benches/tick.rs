@@ -14,7 +14,7 @@ use nalgebra::{DMatrix, DVector};
 use stickslip::Vec3;
 use stickslip::contact::law::Law;
 use stickslip::contact::surface::ContactSurface;
-use stickslip::contact::tick::LocalSimulation;
+use stickslip::contact::tick::{LocalSimulation, Scheme};
 use stickslip::model::local::LocalSettings;
 use stickslip::pipeline::Simulation;
 use stickslip::scene::Scene;
@@ -57,6 +57,12 @@ fn ticking(mut local: LocalSimulation, height: f64) -> impl FnMut() {
 const PRESSED: f64 = -0.003;
 const HOVERING: f64 = 0.0005;
 
+fn with_subdivision_and_velocity(scene: &mut Scene) {
+    scene.surface = ContactSurface::Subdivision;
+    scene.contact.scheme = Scheme::Velocity;
+    scene.contact.law = Law::Sliding;
+}
+
 fn main() {
     let matrix = DMatrix::from_fn(42, 84, |i, j| ((i * 84 + j) as f64).sin());
     let vector = DVector::from_fn(84, |i, _| (i as f64).cos());
@@ -69,7 +75,19 @@ fn main() {
         ("tick in contact, sliding, faceted", Box::new(ticking(local(|s| s.contact.law = Law::Sliding), PRESSED))),
         (
             "tick in contact, stick-slip, shaded",
-            Box::new(ticking(local(|s| s.contact.surface = ContactSurface::Shaded), PRESSED)),
+            Box::new(ticking(local(|s| s.surface = ContactSurface::Shaded), PRESSED)),
+        ),
+        (
+            "tick in contact, stick-slip, subdivision",
+            Box::new(ticking(local(|s| s.surface = ContactSurface::Subdivision), PRESSED)),
+        ),
+        (
+            "tick in contact, sliding, subdivision, velocity",
+            Box::new(ticking(local(with_subdivision_and_velocity), PRESSED)),
+        ),
+        (
+            "tick free, 0.5 mm above, subdivision",
+            Box::new(ticking(local(|s| s.surface = ContactSurface::Subdivision), HOVERING)),
         ),
         (
             "tick in contact, full network of 324 nodes",

@@ -6,8 +6,9 @@ use std::sync::Arc;
 use stickslip::Vec3;
 use stickslip::contact::law::{Law, Mode};
 use stickslip::contact::nearest::nearest_on_triangle;
-use stickslip::contact::surface::{ContactPoint, ContactSurface, Projection, Shape, Visited};
-use stickslip::contact::tick::Deformation;
+use stickslip::contact::operators::{Metric, Support};
+use stickslip::contact::surface::{ContactGeometry, ContactPoint, ContactSurface, Projection, Shape, Visited};
+use stickslip::contact::tick::{Deformation, Scheme};
 use stickslip::device::failsafe::Cause;
 use stickslip::model::local::{LocalModelBuilder, LocalSettings};
 use stickslip::model::mesh::{Block, Stencil};
@@ -365,9 +366,10 @@ impl Dent {
         Self { network, surface: Arc::new(Surface::new(&mesh).unwrap()), state }
     }
 
-    fn with_shape<T>(&self, use_shape: impl FnOnce(Shape) -> T) -> T {
+    fn with_shape<T>(&self, kind: ContactSurface, use_shape: impl FnOnce(Shape) -> T) -> T {
+        let geometry = ContactGeometry::new(kind, &self.surface).expect("a block has no crowded triangle");
         let settings = LocalSettings { extent: stickslip::model::patch::Extent::Rings(1), ..LocalSettings::FULL };
-        let mut builder = LocalModelBuilder::new(&self.network, self.surface.clone(), settings);
+        let mut builder = LocalModelBuilder::new(&self.network, self.surface.clone(), geometry, settings);
         let (model, local) = builder.build(&self.network, &self.state, Vec3::zeros(), None);
         use_shape(Shape { model: &model, x: &local.x, elapsed: 0.0 })
     }
@@ -400,7 +402,7 @@ fn nearest_point_is_that_of_all_triangles() {
             .collect();
         let least = all.iter().copied().fold(f64::INFINITY, f64::min);
         let lowest = all.iter().position(|&d| d <= least + 1e-18).expect("some triangle") as u32;
-        let found = dent.with_shape(|shape| shape.nearest(q)).expect("some triangle");
+        let found = dent.with_shape(ContactSurface::Faceted, |shape| shape.nearest(q)).expect("some triangle");
         prop_assert_eq!(found.triangle, lowest);
         Ok(())
     });
@@ -423,7 +425,7 @@ fn inside_and_outside_are_those_of_the_solid_angle() {
             })
             .sum();
         let inside = angle > 2.0 * std::f64::consts::PI;
-        let distance = dent.with_shape(|shape| shape.signed_distance(q));
+        let distance = dent.with_shape(ContactSurface::Faceted, |shape| shape.signed_distance(q));
         prop_assume!(distance.abs() > 1e-9);
         prop_assert_eq!(inside, distance < 0.0, "solid angle {}, distance {}", angle, distance);
         Ok(())
@@ -442,27 +444,29 @@ fn projections_satisfy_their_definition() {
     let mut on_edges = 0;
     let cases = std::cell::Cell::new(0);
     let run = runner(2000).run(&(tip, 0..72_u32), |((x, y, above), start)| {
-        dent.with_shape(|shape| {
-            let q = Vec3::new(x, y, above - 0.003 * (-(x * x + y * y) / 1.5e-4_f64).exp());
-            let from = ContactPoint { triangle: start, weights: [1.0 / 3.0; 3] };
-            let mut visited = Visited::new(dent.surface.triangles.len());
-            for (surface, worst) in [(ContactSurface::Faceted, &plane), (ContactSurface::Shaded, &field)] {
-                let Projection::Found(point) = shape.project(surface, &from, q, &mut visited) else {
+        let q = Vec3::new(x, y, above - 0.003 * (-(x * x + y * y) / 1.5e-4_f64).exp());
+        let from = ContactPoint { triangle: start, weights: [1.0 / 3.0; 3] };
+        let mut visited = Visited::new(dent.surface.triangles.len());
+        let mut support = Support::with_capacity(3);
+        for (surface, worst) in [(ContactSurface::Faceted, &plane), (ContactSurface::Shaded, &field)] {
+            dent.with_shape(surface, |shape| {
+                let Projection::Found(point) = shape.project(&from, q, &mut visited) else {
                     return Err(TestCaseError::fail("a closed surface has no border"));
                 };
                 prop_assert!(point.weights.iter().all(|&w| w >= 0.0));
                 prop_assert!((point.weights.iter().sum::<f64>() - 1.0).abs() <= 1e-15);
                 // In a valley the point lies on an edge, and q is off its normal.
                 if point.weights.iter().all(|&w| w > 0.0) {
-                    let n = shape.normal(surface, &point);
-                    let offset = q - shape.position(&point);
+                    let touch = shape.touch(Metric::Euclidean, &point, &mut support);
+                    let (n, offset) = (touch.normal, q - touch.position);
                     worst.case((offset - n * offset.dot(&n)).norm())?;
                 } else {
                     cases.set(cases.get() + 1);
                 }
-            }
-            Ok(())
-        })
+                Ok(())
+            })?;
+        }
+        Ok(())
     });
     run.unwrap();
     on_edges += cases.get();
@@ -473,13 +477,11 @@ fn projections_satisfy_their_definition() {
 #[test]
 fn a_slide_crosses_ten_edges_in_one_projection() {
     let dent = Dent::new(0.0);
-    dent.with_shape(|shape| {
+    dent.with_shape(ContactSurface::Faceted, |shape| {
         let mut visited = Visited::new(dent.surface.triangles.len());
         let from = ContactPoint { triangle: 0, weights: [1.0 / 3.0; 3] };
         let q = Vec3::new(0.027, 0.022, -0.001);
-        let Projection::Found(point) = shape.project(ContactSurface::Faceted, &from, q, &mut visited) else {
-            panic!("the top is no border")
-        };
+        let Projection::Found(point) = shape.project(&from, q, &mut visited) else { panic!("the top is no border") };
         assert!((shape.position(&point) - Vec3::new(0.027, 0.022, 0.0)).norm() <= 1e-15);
     });
 }
@@ -489,8 +491,8 @@ fn a_slide_crosses_ten_edges_in_one_projection() {
 fn shaded_normals_remove_the_jump_at_edges() {
     let jump = |surface| {
         let mut scene = full(&shipped("fig3-sliding"));
-        scene.contact.surface = surface;
-        scene.contact.deformation = Deformation::LeastNorm;
+        scene.surface = surface;
+        scene.contact.scheme = Scheme::Geometric { deformation: Deformation::LeastNorm, metric: Metric::Euclidean };
         let run = run(&scene);
         drag(&run).map(|i| (run.force[i] - run.force[i - 1]).norm()).fold(0.0, f64::max)
     };

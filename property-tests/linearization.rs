@@ -4,6 +4,7 @@ use nalgebra::Complex;
 use proptest::prelude::*;
 use std::sync::Arc;
 use stickslip::Vec3;
+use stickslip::contact::surface::ContactGeometry;
 use stickslip::model::linearization::LinearForces;
 use stickslip::model::local::{ExteriorKind, Linearization, LocalModelBuilder, LocalSettings};
 use stickslip::model::mesh::{Block, Stencil};
@@ -158,7 +159,7 @@ fn check_tangent(damping: f64, drag: f64) {
     let value = Worst::new("full network", "f0 of a patch, relative", 1e-14);
     let (network, surface, mut state) = moving_block(damping, drag);
     let mut selector = PatchSelector::new(&network, &surface);
-    let patch = selector.select(&network, &surface, &state.x, state.x[37], Some(0), Extent::Rings(1));
+    let patch = selector.select(&network, &surface, &state.x, state.x[37], &surface.triangles[0], Extent::Rings(1));
     assert!(patch.len() > 8 && !patch.boundary.is_empty());
     // As the paper has it, the exterior is at rest.
     for i in 0..network.node_count() as u32 {
@@ -206,7 +207,7 @@ fn moving_one_node_is_the_matrix_column() {
     for exterior in [ExteriorKind::Fixed, ExteriorKind::Drifting] {
         for linearization in [Linearization::Tangent(TangentKind::Exact), Linearization::None] {
             let settings = LocalSettings { extent: Extent::Rings(1), linearization, exterior };
-            let mut builder = LocalModelBuilder::new(&network, surface.clone(), settings);
+            let mut builder = LocalModelBuilder::new(&network, surface.clone(), ContactGeometry::Faceted, settings);
             let (model, mut local) = builder.build(&network, &state, state.x[37], None);
             let delta = Vec3::new(1e-3, -2e-3, 5e-4);
             model.evaluate_forces(0.02, &mut local);
@@ -228,7 +229,12 @@ fn drifting_exterior_is_right_to_first_order_in_time() {
     let (network, surface, state) = moving_block(0.5, 0.05);
     let build = |linearization| {
         let settings = LocalSettings { extent: Extent::Rings(1), linearization, exterior: ExteriorKind::Drifting };
-        LocalModelBuilder::new(&network, surface.clone(), settings).build(&network, &state, state.x[37], None)
+        LocalModelBuilder::new(&network, surface.clone(), ContactGeometry::Faceted, settings).build(
+            &network,
+            &state,
+            state.x[37],
+            None,
+        )
     };
     let (tangent, mut linear) = build(Linearization::Tangent(TangentKind::Exact));
     let (springs, mut nonlinear) = build(Linearization::None);

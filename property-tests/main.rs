@@ -3,9 +3,12 @@
 
 mod check;
 mod contact;
+mod limit;
 mod linearization;
 mod multirate;
 mod network;
 mod operators;
 mod rest;
 mod stability;
+mod subdivision;
+mod velocity;

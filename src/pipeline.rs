@@ -7,6 +7,7 @@ use thiserror::Error;
 
 use crate::Vec3;
 use crate::contact::collision::START_TOLERANCE;
+use crate::contact::surface::ContactGeometry;
 use crate::contact::tick::{LocalSimulation, TickReport};
 use crate::device::failsafe::{FailSafe, Fault};
 use crate::device::instrument::TipPath;
@@ -85,15 +86,17 @@ impl Simulation {
         let mesh = scene.block.mesh();
         let surface = Surface::new(&mesh).map_err(|error| scene.mesh_error(Problem::Surface(error)))?;
         let surface = Arc::new(surface);
+        let geometry =
+            ContactGeometry::new(scene.surface, &surface).map_err(|error| scene.mesh_error(Problem::Surface(error)))?;
         let network = Arc::new(Network::new(&mesh, &scene.material, scene.fixed.clone()));
-        let builder = LocalModelBuilder::new(&network, surface.clone(), scene.local);
+        let builder = LocalModelBuilder::new(&network, surface.clone(), geometry, scene.local);
         let cycle = CycleSettings {
             sync: scene.global.sync,
             integrator: scene.global.integrator,
             substeps: scene.global.substeps,
             ticks: scene.ticks_per_cycle,
             tick: scene.tick,
-            metric: scene.contact.metric,
+            metric: scene.contact.scheme.overwrite_metric(),
         };
         let mut global = GlobalSimulation::new(cycle, network.clone(), surface.clone(), builder);
 

@@ -23,7 +23,7 @@ pub struct Collision {
     pub point: ContactPoint,
 }
 
-/// When and where the tip, moving from q₀ to q₁, first passes inwards through a surface that moves
+/// When and where the tip, moving from q₀ to q₁, first passes inwards through triangles that move
 /// from `start` to `end`, all linear in τ. `hits` is scratch; it never holds more entries than the
 /// surface has triangles. `tested` counts the triangles that the search came to.
 pub fn first_collision(

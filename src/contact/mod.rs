@@ -3,9 +3,11 @@
 
 pub mod collision;
 pub mod law;
+pub mod limit;
 pub mod literal;
 pub mod nearest;
 pub mod operators;
+pub mod subdivision;
 pub mod surface;
 pub mod tick;
 pub mod tree;

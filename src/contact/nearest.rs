@@ -1,6 +1,6 @@
 //! The point of the surface nearest to the tip, and whether the tip is outside.
 
-use super::surface::{ContactPoint, Shape};
+use super::surface::{ContactGeometry, ContactPoint, Shape};
 use super::tree::Aabb;
 use crate::Vec3;
 
@@ -73,6 +73,13 @@ impl Shape<'_> {
     /// The surface point nearest to q; the lowest triangle among those that are equally near.
     /// `None` only if the surface has no triangle, or its positions are not finite.
     pub fn nearest(&self, q: Vec3) -> Option<ContactPoint> {
+        match &self.model.geometry {
+            ContactGeometry::Faceted | ContactGeometry::Shaded => self.nearest_on_triangles(q),
+            ContactGeometry::Limit(limit) => self.nearest_on_limit(limit, q),
+        }
+    }
+
+    pub(super) fn nearest_on_triangles(&self, q: Vec3) -> Option<ContactPoint> {
         Some(self.nearest_feature(q)?.point)
     }
 
@@ -110,14 +117,21 @@ impl Shape<'_> {
         best
     }
 
-    /// Whether q is outside the closed surface, which must not intersect itself. The sign is that of the angle-weighted pseudonormal
-    /// at the nearest point (Bærentzen & Aanæs 2005); a point on the surface is not outside.
+    /// Whether q is outside the closed surface, which must not intersect itself; a point on it is not.
     pub fn is_outside(&self, q: Vec3) -> bool {
         self.signed_distance(q) > 0.0
     }
 
     /// Distance of q from the surface, m, negative inside; NaN if the surface is not finite.
     pub fn signed_distance(&self, q: Vec3) -> f64 {
+        match &self.model.geometry {
+            ContactGeometry::Faceted | ContactGeometry::Shaded => self.signed_distance_to_triangles(q),
+            ContactGeometry::Limit(limit) => self.signed_distance_to_limit(limit, q),
+        }
+    }
+
+    /// The sign is that of the angle-weighted pseudonormal at the nearest point (Bærentzen & Aanæs 2005).
+    fn signed_distance_to_triangles(&self, q: Vec3) -> f64 {
         let Some(nearest) = self.nearest_feature(q) else { return f64::NAN };
         let ContactPoint { triangle, .. } = nearest.point;
         let surface = &self.model.surface;

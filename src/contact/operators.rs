@@ -116,6 +116,11 @@ impl Support {
         self.nodes.iter().for_each(|node| v[node.slot] -= change * node.response);
     }
 
+    /// v ← v + M⁻¹Wᵀ Λ for an impulse Λ on the contact point, N·s. For the mass metric.
+    pub fn push(&self, impulse: Vec3, v: &mut [Vec3]) {
+        self.nodes.iter().for_each(|node| v[node.slot] += impulse * node.response);
+    }
+
     /// f ← f − Wᵀ f̂ (25): the instrument's force on the mesh, shared out by weight.
     pub fn subtract_contact_force(&self, force: Vec3, f: &mut [Vec3]) {
         self.nodes.iter().for_each(|node| f[node.slot] -= force * node.weight);

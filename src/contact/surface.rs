@@ -1,9 +1,13 @@
 //! The contact surface at one instant: where a contact point is, which way its normal points, and
 //! how it follows the tip from triangle to triangle.
 
+use std::sync::Arc;
+
 use super::operators::{Metric, Support};
+use super::subdivision::{LARGEST_SUPPORT, LimitSurface};
 use crate::model::local::LocalModel;
 use crate::model::patch::OUTSIDE;
+use crate::model::surface::{Surface, SurfaceError};
 use crate::{Mat3, Vec3};
 
 /// Which surface the tip feels.
@@ -14,6 +18,59 @@ pub enum ContactSurface {
     /// The triangles with normals interpolated from the vertices. No jump, but not the normal of
     /// what slides: it creates energy.
     Shaded,
+    /// The Loop limit surface with its true normal: no jump, and no energy from nowhere.
+    Subdivision,
+}
+
+/// A contact surface with what is prepared for it once per mesh.
+#[derive(Debug, Clone)]
+pub enum ContactGeometry {
+    /// The triangles with their face normals.
+    Faceted,
+    /// The triangles with interpolated normals.
+    Shaded,
+    /// The Loop limit surface.
+    Limit(Arc<LimitSurface>),
+}
+
+impl ContactGeometry {
+    /// Prepares a contact surface.
+    ///
+    /// # Errors
+    /// If the mesh is none that a subdivision surface can be made of.
+    pub fn new(kind: ContactSurface, surface: &Surface) -> Result<Self, SurfaceError> {
+        Ok(match kind {
+            ContactSurface::Faceted => Self::Faceted,
+            ContactSurface::Shaded => Self::Shaded,
+            ContactSurface::Subdivision => Self::Limit(Arc::new(LimitSurface::new(surface)?)),
+        })
+    }
+
+    /// The vertices that decide where a triangle's contact points are.
+    #[inline]
+    pub fn support<'a>(&'a self, surface: &'a Surface, triangle: u32) -> &'a [u32] {
+        match self {
+            Self::Faceted | Self::Shaded => &surface.triangles[triangle as usize],
+            Self::Limit(limit) => limit.support(triangle),
+        }
+    }
+
+    /// Those vertices with their weights at a contact point: p = Σ wᵢxᵢ, Σ w = 1.
+    pub fn weights(&self, surface: &Surface, point: &ContactPoint) -> impl Iterator<Item = (u32, f64)> {
+        let mut weights = [(0, 0.0); LARGEST_SUPPORT];
+        let support = self.support(surface, point.triangle);
+        match self {
+            Self::Faceted | Self::Shaded => {
+                weights.iter_mut().zip(support.iter().copied().zip(point.weights)).for_each(|(to, from)| *to = from);
+            }
+            Self::Limit(limit) => {
+                let jet = limit.jet(point.triangle, point.weights);
+                let values = jet.entries().iter().map(|entry| entry[0]);
+                weights.iter_mut().zip(support.iter().copied().zip(values)).for_each(|(to, from)| *to = from);
+            }
+        }
+        weights.into_iter().take(support.len())
+    }
 }
 
 /// A material point of the surface.
@@ -42,6 +99,17 @@ pub struct Shape<'a> {
     pub x: &'a [Vec3],
     /// Seconds since the state the model was built from.
     pub elapsed: f64,
+}
+
+/// A contact located at one instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Touch {
+    /// The material point.
+    pub point: ContactPoint,
+    /// Its position, m.
+    pub position: Vec3,
+    /// n̂.
+    pub normal: Vec3,
 }
 
 /// Where a projection led.
@@ -99,7 +167,10 @@ impl<'a> Shape<'a> {
 
     /// Where a contact point is, m.
     pub fn position(&self, point: &ContactPoint) -> Vec3 {
-        point.position(self.corners(point.triangle))
+        match &self.model.geometry {
+            ContactGeometry::Faceted | ContactGeometry::Shaded => point.position(self.corners(point.triangle)),
+            ContactGeometry::Limit(limit) => self.limit_point(limit, point).position,
+        }
     }
 
     /// Cross product of two edges: twice the area, along the outward normal, m².
@@ -108,15 +179,29 @@ impl<'a> Shape<'a> {
         (b - a).cross(&(c - a))
     }
 
-    /// n̂ at a contact point. Not finite where the triangle has no area.
-    pub fn normal(&self, surface: ContactSurface, point: &ContactPoint) -> Vec3 {
-        match surface {
-            ContactSurface::Faceted => self.area_normal(point.triangle).normalize(),
-            ContactSurface::Shaded => {
-                let [na, nb, nc] = self.vertex_normals(point.triangle);
-                (na * point.weights[0] + nb * point.weights[1] + nc * point.weights[2]).normalize()
+    /// A contact as it stands at this instant, and its W. n̂ is not finite where the triangle has no
+    /// area, or the limit surface no tangent plane.
+    pub fn touch(&self, metric: Metric, point: &ContactPoint, support: &mut Support) -> Touch {
+        let triangle = point.triangle;
+        let (position, normal) = match &self.model.geometry {
+            ContactGeometry::Faceted => {
+                self.set_support(metric, triangle, point.weights, support);
+                (point.position(self.corners(triangle)), self.area_normal(triangle).normalize())
             }
-        }
+            ContactGeometry::Shaded => {
+                self.set_support(metric, triangle, point.weights, support);
+                let [na, nb, nc] = self.vertex_normals(triangle);
+                let [alpha, beta, gamma] = point.weights;
+                (point.position(self.corners(triangle)), (na * alpha + nb * beta + nc * gamma).normalize())
+            }
+            ContactGeometry::Limit(limit) => {
+                let jet = limit.jet(triangle, point.weights);
+                self.set_support(metric, triangle, jet.entries().iter().map(|entry| entry[0]), support);
+                let surface = self.limit_point_of(limit, triangle, &jet);
+                (surface.position, surface.normal())
+            }
+        };
+        Touch { point: *point, position, normal }
     }
 
     /// Normalised sums of the area normals around each corner.
@@ -127,13 +212,19 @@ impl<'a> Shape<'a> {
         })
     }
 
-    /// W of a contact point: its corners that are free and in the patch.
-    pub fn support(&self, metric: Metric, point: &ContactPoint, support: &mut Support) {
+    /// W of a contact point: the nodes of its support that are free and in the patch.
+    fn set_support(
+        &self,
+        metric: Metric,
+        triangle: u32,
+        weights: impl IntoIterator<Item = f64>,
+        support: &mut Support,
+    ) {
         let patch = &self.model.patch;
-        let corners = self.model.surface.triangles[point.triangle as usize];
+        let vertices = self.model.geometry.support(&self.model.surface, triangle);
         support.set(
             metric,
-            corners.into_iter().zip(point.weights).filter_map(|(vertex, weight)| {
+            vertices.iter().zip(weights).filter_map(|(&vertex, weight)| {
                 let slot = patch.vertex_slot[vertex as usize];
                 (slot != OUTSIDE).then(|| (slot as usize, weight, patch.inverse_mass[slot as usize]))
             }),
@@ -145,21 +236,27 @@ impl<'a> Shape<'a> {
     /// A projection that leaves its triangle crosses the edge opposite its most negative weight. In
     /// front of a triangle already seen, which is so in a valley, it takes the nearest point of the
     /// shared edge and the lower of the two triangles.
-    pub fn project(&self, surface: ContactSurface, from: &ContactPoint, q: Vec3, visited: &mut Visited) -> Projection {
+    ///
+    /// On a limit surface it is the nearest point.
+    pub fn project(&self, from: &ContactPoint, q: Vec3, visited: &mut Visited) -> Projection {
+        let along_field = match &self.model.geometry {
+            ContactGeometry::Faceted => false,
+            ContactGeometry::Shaded => true,
+            ContactGeometry::Limit(limit) => return self.project_onto_limit(limit, from, q),
+        };
         visited.start();
         let mut here = *from;
         loop {
             visited.mark(here.triangle);
-            let found = match surface {
-                ContactSurface::Faceted => self.onto_plane(here.triangle, q),
-                ContactSurface::Shaded => match self.along_normals(&here, q) {
-                    Some(point) => point,
-                    // The normal field of this triangle has no ray through q.
-                    None => match self.nearest(q) {
-                        Some(point) => return Projection::Found(point),
-                        None => self.onto_plane(here.triangle, q),
-                    },
-                },
+            let found = if !along_field {
+                self.onto_plane(here.triangle, q)
+            } else if let Some(point) = self.along_normals(&here, q) {
+                point
+            } else if let Some(point) = self.nearest_on_triangles(q) {
+                // The normal field of this triangle has no ray through q.
+                return Projection::Found(point);
+            } else {
+                self.onto_plane(here.triangle, q)
             };
             let (opposite, least) = least_weight(found.weights);
             // Also where the weights are not finite: the tick turns these into a fault.

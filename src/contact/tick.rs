@@ -1,19 +1,19 @@
-//! One haptic tick of the geometric scheme: the paper's hybrid of a geometric deformation and a
-//! constraint force, in its order. Allocates nothing, locks nothing, does no I/O.
+//! One haptic tick: predict, find the contact, constrain, integrate. The geometric scheme is the paper's
+//! hybrid of a deformation and a constraint force, in its order; the velocity scheme constrains the
+//! velocity alone. Allocates nothing, locks nothing, does no I/O.
 
 use super::collision::{Collision, START_TOLERANCE, first_collision};
 use super::law::{Law, Mode};
+use super::limit::MovingLimit;
 use super::operators::{Metric, Support};
-use super::surface::{ContactPoint, ContactSurface, Projection, Shape, Visited};
+use super::subdivision::LARGEST_SUPPORT;
+use super::surface::{ContactGeometry, ContactPoint, Projection, Shape, Touch, Visited};
 use crate::Vec3;
 use crate::model::local::{LocalModel, LocalState};
 use crate::model::network::snap_to_rest;
 
 /// Below this share of its weight on free patch nodes a contact point is rigid.
 pub const RIGID_BELOW: f64 = 0.5;
-
-/// Most nodes that a contact point can rest on.
-const LARGEST_SUPPORT: usize = 3;
 
 /// How the mesh is moved out of (or back to) the tip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,17 +33,47 @@ pub struct Wall {
     pub damping: f64,
 }
 
-/// Everything a scene decides about contact.
+/// How a contact constrains the mesh.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Scheme {
+    /// The mesh is moved to the tip, and stopped there (the paper). Moving it takes no work.
+    Geometric {
+        /// How the mesh is moved to the tip.
+        deformation: Deformation,
+        /// The inner product of P and Q.
+        metric: Metric,
+    },
+    /// An impulse makes the contact point follow the tip. Keeps the books of momentum and energy.
+    Velocity,
+}
+
+impl Scheme {
+    /// The inner product in which a tick projects. An impulse acts through the masses.
+    pub fn metric(self) -> Metric {
+        match self {
+            Scheme::Geometric { metric, .. } => metric,
+            Scheme::Velocity => Metric::Mass,
+        }
+    }
+
+    /// That of the P with which a cycle holds the contact point under
+    /// [`SyncMode::Overwrite`](crate::dynamics::global::SyncMode::Overwrite): the paper's, unless the scene
+    /// says otherwise.
+    pub fn overwrite_metric(self) -> Metric {
+        match self {
+            Scheme::Geometric { metric, .. } => metric,
+            Scheme::Velocity => Metric::Euclidean,
+        }
+    }
+}
+
+/// Everything a scene decides about contact but the surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactRules {
     /// The constraint.
     pub law: Law,
-    /// Where the contact point is, and its normal.
-    pub surface: ContactSurface,
-    /// How the mesh is moved to the tip.
-    pub deformation: Deformation,
-    /// The inner product of P and Q.
-    pub metric: Metric,
+    /// How it is put on the mesh.
+    pub scheme: Scheme,
     /// Rigid contact.
     pub wall: Wall,
 }
@@ -88,17 +118,6 @@ pub struct TickReport {
     pub released: bool,
     /// Whether the contact was rigid.
     pub rigid: bool,
-}
-
-/// The contact as located at the start of a tick, or at the time of collision.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Touch {
-    /// The material point.
-    pub point: ContactPoint,
-    /// Its position, m.
-    pub position: Vec3,
-    /// n̂.
-    pub normal: Vec3,
 }
 
 impl TickReport {
@@ -221,6 +240,20 @@ impl LocalSimulation {
         Shape { model: &self.model, x: &self.state.x, elapsed: self.elapsed() }
     }
 
+    /// ½ Δvᵀ M Δv of the last tick, J, under the velocity scheme. The geometric one has no such term: it
+    /// changes velocities in several places and keeps no energy book.
+    pub fn impact_loss(&self) -> f64 {
+        match self.rules.scheme {
+            Scheme::Geometric { .. } => 0.0,
+            // Prediction and state changed places: the predicted velocities are those before the tick.
+            Scheme::Velocity => {
+                let velocities = self.state.v.iter().zip(&self.state.v_predicted);
+                let changes = self.model.patch.mass.iter().zip(velocities);
+                changes.map(|(mass, (now, before))| 0.5 * mass * (now - before).norm_squared()).sum()
+            }
+        }
+    }
+
     /// One tick, in which the tip goes from q₀ to q₁.
     pub fn tick(&mut self, q0: Vec3, q1: Vec3) -> TickReport {
         self.model.evaluate_forces(self.elapsed(), &mut self.state);
@@ -263,15 +296,28 @@ impl LocalSimulation {
         let now = Shape { model: &self.model, x: &self.state.x, elapsed };
         let predicted = Shape { model: &self.model, x: &self.state.x_predicted, elapsed: elapsed + self.step };
         let Some(Contact { point, grip }) = self.contact else {
-            let collision =
-                first_collision(&now, &predicted, q0, q1, &mut self.hits, &mut self.state.work.triangles_tested)?;
-            return Some(self.rewind(collision));
+            let tested = &mut self.state.work.triangles_tested;
+            let collision = match &self.model.geometry {
+                ContactGeometry::Faceted | ContactGeometry::Shaded => {
+                    first_collision(&now, &predicted, q0, q1, &mut self.hits, tested)
+                }
+                ContactGeometry::Limit(limit) => {
+                    let between = &mut self.state.x_between;
+                    MovingLimit { limit, start: now, end: predicted, between, q0, q1 }.first_collision(tested)
+                }
+            }?;
+            return Some(match self.rules.scheme {
+                Scheme::Geometric { .. } => self.rewind(collision),
+                Scheme::Velocity => {
+                    Meeting { point: collision.point, elapsed, rest: self.step, collision_time: Some(collision.time) }
+                }
+            });
         };
         let found = match grip {
             Grip::Stick => Projection::Found(point),
-            Grip::Slide => now.project(self.rules.surface, &point, q1, &mut self.visited),
+            Grip::Slide => now.project(&point, q1, &mut self.visited),
             // The mesh slid under a tip that stood at q₀.
-            Grip::Slip => now.project(self.rules.surface, &point, q0, &mut self.visited),
+            Grip::Slip => now.project(&point, q0, &mut self.visited),
             Grip::Tension if predicted.is_outside(q1) => return None,
             Grip::Tension => Projection::Found(now.nearest(q0).unwrap_or(point)),
         };
@@ -295,18 +341,22 @@ impl LocalSimulation {
         Meeting { point: collision.point, elapsed, rest, collision_time: Some(collision.time) }
     }
 
-    /// Steps 3 to 6 for a contact point.
+    /// What is left of the tick, for a contact point.
     fn respond(&mut self, meeting: Meeting, q0: Vec3, q1: Vec3) -> TickReport {
         let Meeting { point, elapsed, rest, collision_time } = meeting;
         let shape = Shape { model: &self.model, x: &self.state.x, elapsed };
-        let touch = Touch { point, position: shape.position(&point), normal: shape.normal(self.rules.surface, &point) };
-        shape.support(self.rules.metric, &point, &mut self.support);
+        let touch = shape.touch(self.rules.scheme.metric(), &point, &mut self.support);
         if self.support.free_weight() < RIGID_BELOW {
             return self.respond_rigidly(touch, collision_time, q0, q1);
         }
 
-        self.deform(touch, elapsed, q1);
-        let reaction = self.support.reaction(&self.state.f);
+        let reaction = match self.rules.scheme {
+            Scheme::Geometric { deformation, .. } => {
+                self.deform(deformation, touch, elapsed, q1);
+                self.support.reaction(&self.state.f)
+            }
+            Scheme::Velocity => self.following_force(touch, q1),
+        };
         // A reaction that is not a number is no tension: it goes on to the fail-safe.
         if reaction.dot(&touch.normal) <= 0.0 {
             self.contact = Some(Contact { point, grip: Grip::Tension });
@@ -314,7 +364,10 @@ impl LocalSimulation {
             return TickReport { collision_time, ..TickReport::free(false) };
         }
         let (mode, force) = self.rules.law.contact_force(reaction, touch.normal);
-        self.integrate(mode, touch.normal, force, rest);
+        match self.rules.scheme {
+            Scheme::Geometric { .. } => self.integrate(mode, touch.normal, force, rest),
+            Scheme::Velocity => self.integrate_pushed(force),
+        }
         let grip = match mode {
             Mode::Stick => Grip::Stick,
             Mode::Slip => Grip::Slip,
@@ -324,15 +377,32 @@ impl LocalSimulation {
         TickReport { collision_time, ..TickReport::touching(mode, force, touch) }
     }
 
+    /// The force on the instrument, N, under which the contact point would end the tick at the tip:
+    /// −Λ/h with the impulse Λ = G⁻¹r on the mesh, G = WM⁻¹Wᵀ, r = (q₁ − p)/h − W v*.
+    fn following_force(&self, touch: Touch, q1: Vec3) -> Vec3 {
+        let r = (q1 - touch.position) / self.step - self.support.velocity(&self.state.v_predicted);
+        r * (-1.0 / (self.support.scale() * self.step))
+    }
+
+    /// v ← v* + M⁻¹WᵀΛ, x ← x + h v, for the force −Λ/h on the instrument. G is a multiple of the identity:
+    /// Λ = n̂(n̂·r)/(n̂·Gn̂), and a(−n̂ + μt̂) beyond the Coulomb bound, are what the law makes of G⁻¹r.
+    fn integrate_pushed(&mut self, force: Vec3) {
+        let LocalState { x, v, v_predicted, .. } = &mut self.state;
+        self.support.push(force * -self.step, v_predicted);
+        std::mem::swap(v, v_predicted);
+        for (x, v) in x.iter_mut().zip(v).take(self.model.patch.len()) {
+            *x += *v * self.step;
+        }
+    }
+
     /// Step 3: moves the contact point to the tip (for sliding, along the normal only), and brings
     /// the forces up to date for step 4.
-    fn deform(&mut self, touch: Touch, elapsed: f64, q1: Vec3) {
+    fn deform(&mut self, deformation: Deformation, touch: Touch, elapsed: f64, q1: Vec3) {
         let mut d = q1 - touch.position;
         if self.rules.law == Law::Sliding {
             d = touch.normal * d.dot(&touch.normal);
         }
         let support = &self.support;
-        let deformation = self.rules.deformation;
         let moved = support.nodes().iter().map(|node| {
             let share = match deformation {
                 Deformation::Rigid => 1.0 / support.free_weight(),

@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use super::surface::ContactGeometry;
 use crate::Vec3;
 use crate::model::surface::Surface;
 
@@ -110,8 +111,8 @@ pub struct Boxes {
 }
 
 impl Boxes {
-    /// Boxes at the given vertex positions.
-    pub fn new(tree: Arc<TriangleTree>, surface: &Surface, vertices: &[Vec3]) -> Self {
+    /// Boxes at the given vertex positions, around all that decides where a triangle's contact points are.
+    pub fn new(tree: Arc<TriangleTree>, surface: &Surface, geometry: &ContactGeometry, vertices: &[Vec3]) -> Self {
         let mut boxes = vec![Aabb::EMPTY; tree.nodes.len()];
         // Children come after their parent: backwards, they are ready when it needs them.
         for (i, node) in tree.nodes.iter().enumerate().rev() {
@@ -119,9 +120,8 @@ impl Boxes {
                 boxes[i + 1].union(boxes[tree.nodes[i + 1].after as usize])
             } else {
                 let triangles = &tree.triangles[node.first as usize..(node.first + node.count) as usize];
-                Aabb::around(
-                    triangles.iter().flat_map(|&t| surface.triangles[t as usize]).map(|v| vertices[v as usize]),
-                )
+                let support = triangles.iter().flat_map(|&t| geometry.support(surface, t));
+                Aabb::around(support.map(|&v| vertices[v as usize]))
             };
         }
         Self { tree, boxes }

@@ -27,6 +27,9 @@ pub struct EnergyBook {
     pub damping_loss: f64,
     /// By slipping: −f·(the tip's way − the contact point's way).
     pub friction_loss: f64,
+    /// By impacts: ½ Δvᵀ M Δv of every tick of the velocity scheme. Where the tip meets the mesh, or changes
+    /// its speed at once, masses start or stop inelastically; elsewhere it vanishes with the step.
+    pub impact_loss: f64,
     /// Change of kinetic, elastic and gravitational energy within ticks.
     pub stored: f64,
     power: f64,
@@ -55,6 +58,7 @@ impl EnergyBook {
         self.take_stock(local);
         self.stored += self.total() - before;
         self.damping_loss += 0.5 * (power_before + self.power) * step;
+        self.impact_loss += local.impact_loss();
         let work = -report.force.dot(&(q1 - q0));
         self.work += work;
         self.absolute_work += work.abs();
@@ -71,6 +75,6 @@ impl EnergyBook {
 
     /// Work − stored − dissipated.
     pub fn residual(&self) -> f64 {
-        self.work - self.stored - self.damping_loss - self.friction_loss
+        self.work - self.stored - self.damping_loss - self.friction_loss - self.impact_loss
     }
 }

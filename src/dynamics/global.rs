@@ -6,6 +6,7 @@ use std::sync::Arc;
 use super::integrators::{Constraint, GlobalIntegrator, Stepper, Unconstrained};
 use crate::Vec3;
 use crate::contact::operators::{Metric, Support};
+use crate::contact::subdivision::LARGEST_SUPPORT;
 use crate::contact::surface::ContactPoint;
 use crate::contact::tick::{Contact, Grip, RIGID_BELOW};
 use crate::model::local::{LocalModel, LocalModelBuilder, LocalState};
@@ -249,8 +250,14 @@ impl GlobalSimulation {
         ModelMessage { model, state }
     }
 
+    /// The nodes that a contact point rests on, with their weights.
+    fn support(&self, point: &ContactPoint) -> impl Iterator<Item = (usize, f64)> {
+        let vertices = self.builder.geometry().weights(&self.surface, point);
+        vertices.map(|(vertex, weight)| (self.surface.vertex_node[vertex as usize] as usize, weight))
+    }
+
     fn position(&self, point: &ContactPoint) -> Vec3 {
-        point.position(self.surface.triangle_nodes(point.triangle).map(|node| self.state.x[node as usize]))
+        self.support(point).map(|(node, weight)| self.state.x[node] * weight).sum()
     }
 
     fn replay(&mut self, trajectory: &Trajectory) {
@@ -264,12 +271,12 @@ impl GlobalSimulation {
     fn overwrite(&mut self, trajectory: &Trajectory) {
         // Under tension and on rigid ground the instrument exerts no force on the mesh.
         let held = self.contact.filter(|contact| contact.grip != Grip::Tension);
-        let mut support = Support::with_capacity(3);
+        let mut support = Support::with_capacity(LARGEST_SUPPORT);
         if let Some(Contact { point, .. }) = held {
-            let nodes = self.surface.triangle_nodes(point.triangle).into_iter().zip(point.weights);
             let inverse_mass = &self.network.inverse_mass;
-            let free = nodes
-                .map(|(node, weight)| (node as usize, weight, inverse_mass[node as usize]))
+            let free = self
+                .support(&point)
+                .map(|(node, weight)| (node, weight, inverse_mass[node]))
                 .filter(|&(_, _, inverse_mass)| inverse_mass > 0.0);
             support.set(self.settings.metric, free);
         }

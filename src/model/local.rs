@@ -10,6 +10,7 @@ use super::springs::TangentKind;
 use super::surface::Surface;
 use super::work::WorkCounts;
 use crate::Vec3;
+use crate::contact::surface::ContactGeometry;
 use crate::contact::tree::{Boxes, TriangleTree};
 
 /// Which approximation of the network the haptic loop runs.
@@ -77,6 +78,8 @@ pub struct LocalModel {
     pub surface: Arc<Surface>,
     /// The surface's triangles at time zero, boxed for searching.
     pub boxes: Boxes,
+    /// What the tip feels of it.
+    pub geometry: ContactGeometry,
     /// Where the patch's nodes were at time zero, m.
     start: Vec<Vec3>,
     exterior: Exterior,
@@ -103,6 +106,8 @@ pub struct LocalState {
     pub x_predicted: Vec<Vec3>,
     /// Predicted velocities (11), m/s.
     pub v_predicted: Vec<Vec3>,
+    /// Scratch of collision detection: positions within a tick, m. Empty where it needs none.
+    pub x_between: Vec<Vec3>,
     /// Scratch of the linear forces.
     offset: Vec<f64>,
     /// What was computed to get here.
@@ -114,16 +119,22 @@ pub struct LocalState {
 pub struct LocalModelBuilder {
     settings: LocalSettings,
     surface: Arc<Surface>,
+    geometry: ContactGeometry,
     tree: Arc<TriangleTree>,
     selector: PatchSelector,
 }
 
 impl LocalModelBuilder {
     /// Prepares what is the same in every cycle.
-    pub fn new(network: &Network, surface: Arc<Surface>, settings: LocalSettings) -> Self {
+    pub fn new(network: &Network, surface: Arc<Surface>, geometry: ContactGeometry, settings: LocalSettings) -> Self {
         let tree = Arc::new(TriangleTree::new(&surface, &network.rest));
         let selector = PatchSelector::new(network, &surface);
-        Self { settings, surface, tree, selector }
+        Self { settings, surface, geometry, tree, selector }
+    }
+
+    /// What the tip feels.
+    pub fn geometry(&self) -> &ContactGeometry {
+        &self.geometry
     }
 
     /// The model of the network at `state` around `point` (the contact point, or the tip where
@@ -135,8 +146,9 @@ impl LocalModelBuilder {
         point: Vec3,
         touched: Option<u32>,
     ) -> (LocalModel, LocalState) {
-        let patch = self.selector.select(network, &self.surface, &state.x, point, touched, self.settings.extent);
         let surface = &self.surface;
+        let support = touched.map_or(&[][..], |triangle| self.geometry.support(surface, triangle));
+        let patch = self.selector.select(network, surface, &state.x, point, support, self.settings.extent);
         let of = |values: &[Vec3], nodes: &[u32]| nodes.iter().map(|&node| values[node as usize]).collect::<Vec<_>>();
         let motion = match self.settings.exterior {
             ExteriorKind::Fixed => Motion::Still,
@@ -170,11 +182,15 @@ impl LocalModelBuilder {
             LocalForces::Tangent(linear) => vec![0.0; linear.offset_len()],
             LocalForces::Springs => Vec::new(),
         };
-        let boxes = Boxes::new(self.tree.clone(), surface, &exterior.vertices);
+        let boxes = Boxes::new(self.tree.clone(), surface, &self.geometry, &exterior.vertices);
         let state = LocalState {
             f: vec![Vec3::zeros(); x.len()],
             x_predicted: x.clone(),
             v_predicted: v.clone(),
+            x_between: match self.geometry {
+                ContactGeometry::Faceted | ContactGeometry::Shaded => Vec::new(),
+                ContactGeometry::Limit(_) => x.clone(),
+            },
             x,
             v,
             offset,
@@ -185,6 +201,7 @@ impl LocalModelBuilder {
             patch,
             surface: self.surface.clone(),
             boxes,
+            geometry: self.geometry.clone(),
             exterior,
             forces,
             external: network.external.clone(),
@@ -255,9 +272,14 @@ impl LocalModel {
     /// positions at `elapsed` seconds.
     pub fn reach(&self, x: &[Vec3], elapsed: f64) -> f64 {
         let moved = self.start.iter().zip(x).map(|(start, x)| (x - start).norm_squared()).fold(0.0, f64::max).sqrt();
+        moved.max(self.drift(elapsed))
+    }
+
+    /// How far, m, the exterior's surface moves in `time` seconds, at most.
+    pub fn drift(&self, time: f64) -> f64 {
         match &self.exterior.motion {
-            Motion::Still => moved,
-            Motion::Drifting { fastest, .. } => moved.max(fastest * elapsed),
+            Motion::Still => 0.0,
+            Motion::Drifting { fastest, .. } => fastest * time,
         }
     }
 

@@ -69,7 +69,7 @@ impl PatchSelector {
     }
 
     /// The patch around a point of the surface: the free surface node nearest to it (lowest index
-    /// on a tie), what lies within the extent of that, and the nodes of the touched triangle.
+    /// on a tie), what lies within the extent of that, and the vertices that the contact rests on.
     /// Rings may pass through fixed nodes; these are then left out.
     pub fn select(
         &mut self,
@@ -77,7 +77,7 @@ impl PatchSelector {
         surface: &Surface,
         x: &[Vec3],
         point: Vec3,
-        touched: Option<u32>,
+        support: &[u32],
         extent: Extent,
     ) -> Patch {
         let mut nodes: Vec<u32> = match extent {
@@ -87,7 +87,7 @@ impl PatchSelector {
                 if let Some(centre) = nearest_free_vertex(network, surface, x, point) {
                     self.rings(network, centre, rings, &mut nodes);
                 }
-                nodes.extend(touched.into_iter().flat_map(|triangle| surface.triangle_nodes(triangle)));
+                nodes.extend(support.iter().map(|&vertex| surface.vertex_node[vertex as usize]));
                 nodes
             }
         };

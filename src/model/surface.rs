@@ -30,6 +30,20 @@ pub enum SurfaceError {
         /// Second triangle that has it.
         second: u32,
     },
+    /// Too many vertices around a triangle for the tables of a subdivision surface.
+    #[error(
+        "surface triangle {triangle} with nodes {nodes:?} has {around} vertices around it: a subdivision surface takes at most {most}"
+    )]
+    Crowded {
+        /// Index of the triangle.
+        triangle: usize,
+        /// Its nodes.
+        nodes: [u32; 3],
+        /// Vertices that share a triangle with one of them, and they themselves.
+        around: usize,
+        /// As many as there may be.
+        most: usize,
+    },
 }
 
 /// Oriented triangle surface with adjacency. Its *vertices* are the nodes that lie on it, numbered

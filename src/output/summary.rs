@@ -79,6 +79,8 @@ pub struct EnergySummary {
     pub damping_loss_j: f64,
     /// By slipping.
     pub friction_loss_j: f64,
+    /// By impacts, under the velocity scheme.
+    pub impact_loss_j: f64,
     /// Work − stored − dissipated: what the scheme and the exterior made or lost.
     pub residual_j: f64,
     /// Relative to Σ |f·Δq|; 0 without work.
@@ -163,6 +165,7 @@ impl Recorder {
             stored_j: energy.stored,
             damping_loss_j: energy.damping_loss,
             friction_loss_j: energy.friction_loss,
+            impact_loss_j: energy.impact_loss,
             residual_j: residual,
             residual_relative: if energy.absolute_work > 0.0 { residual / energy.absolute_work } else { 0.0 },
         };

@@ -35,6 +35,7 @@ pub struct TraceRow {
     model_age: u64,
     damping_loss: f64,
     friction_loss: f64,
+    impact_loss: f64,
 }
 
 impl TraceRow {
@@ -72,6 +73,7 @@ impl TraceRow {
             model_age: view.model_age,
             damping_loss: view.energy.damping_loss,
             friction_loss: view.energy.friction_loss,
+            impact_loss: view.energy.impact_loss,
         }
     }
 }

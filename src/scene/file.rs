@@ -182,10 +182,8 @@ pub struct ContactTable {
     pub scheme: SchemeName,
     #[serde(default)]
     pub surface: SurfaceName,
-    #[serde(default)]
-    pub deformation: DeformationName,
-    #[serde(default)]
-    pub metric: MetricName,
+    pub deformation: Option<Spanned<DeformationName>>,
+    pub metric: Option<Spanned<MetricName>>,
     pub wall_stiffness: Option<Spanned<f64>>,
     pub wall_damping: Option<Spanned<f64>>,
 }
@@ -203,6 +201,7 @@ pub enum LawName {
 pub enum SchemeName {
     #[default]
     Geometric,
+    Velocity,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -211,6 +210,7 @@ pub enum SurfaceName {
     #[default]
     Faceted,
     Shaded,
+    Subdivision,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -17,6 +17,7 @@ pub use keys::KEYS;
 pub use parts::Part;
 pub use shipped::{Expectation, SHIPPED, Shipped};
 
+use crate::contact::surface::ContactSurface;
 use crate::contact::tick::ContactRules;
 use crate::device::instrument::TipPath;
 use crate::dynamics::global::SyncMode;
@@ -58,6 +59,8 @@ pub struct Scene {
     pub is_full: bool,
     /// The local model.
     pub local: LocalSettings,
+    /// Which surface the tip feels.
+    pub surface: ContactSurface,
     /// The contact.
     pub contact: ContactRules,
     /// The instrument.

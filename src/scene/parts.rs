@@ -7,6 +7,7 @@ use crate::Vec3;
 use crate::contact::law::Law;
 use crate::contact::operators::Metric;
 use crate::contact::surface::ContactSurface;
+use crate::contact::tick::Scheme;
 use crate::dynamics::global::SyncMode;
 use crate::model::local::{ExteriorKind, Linearization};
 use crate::model::patch::Extent;
@@ -54,13 +55,19 @@ impl Scene {
             SyncMode::Replay => (true, "sync.mode = \"replay\""),
             SyncMode::Overwrite => (false, "sync.mode = \"overwrite\""),
         };
-        let (shaded, surface_is) = match self.contact.surface {
-            ContactSurface::Faceted => (false, "contact.surface = \"faceted\""),
-            ContactSurface::Shaded => (true, "contact.surface = \"shaded\""),
+        let surface_is = match self.surface {
+            ContactSurface::Faceted => "contact.surface = \"faceted\"",
+            ContactSurface::Shaded => "contact.surface = \"shaded\"",
+            ContactSurface::Subdivision => "contact.surface = \"subdivision\"",
         };
-        let (weighted, metric_is) = match self.contact.metric {
-            Metric::Euclidean => (false, "contact.metric = \"euclidean\""),
-            Metric::Mass => (true, "contact.metric = \"mass\""),
+        let (is_velocity, scheme_is) = match self.contact.scheme {
+            Scheme::Geometric { .. } => (false, "contact.scheme = \"geometric\""),
+            Scheme::Velocity => (true, "contact.scheme = \"velocity\""),
+        };
+        let (weighted, metric_is) = match self.contact.scheme {
+            Scheme::Velocity => (true, scheme_is),
+            Scheme::Geometric { metric: Metric::Euclidean, .. } => (false, "contact.metric = \"euclidean\""),
+            Scheme::Geometric { metric: Metric::Mass, .. } => (true, "contact.metric = \"mass\""),
         };
         let material = &self.material;
         vec![
@@ -72,10 +79,21 @@ impl Scene {
             part("node drag", material.drag != 0.0, format!("material.drag = {}", material.drag)),
             part("spring dampers", material.damping != 0.0, format!("material.damping = {}", material.damping)),
             part("friction", matches!(self.contact.law, Law::StickSlip { .. }), law_is.clone()),
-            part("sticking operator P", self.contact.law != Law::Sliding, law_is.clone()),
-            part("sliding operator Q", self.contact.law != Law::Sticking, law_is),
+            part(
+                "sticking operator P",
+                !is_velocity && self.contact.law != Law::Sliding,
+                if is_velocity { scheme_is.to_owned() } else { law_is.clone() },
+            ),
+            part(
+                "sliding operator Q",
+                !is_velocity && self.contact.law != Law::Sticking,
+                if is_velocity { scheme_is.to_owned() } else { law_is },
+            ),
             part("mass metric", weighted, metric_is.to_owned()),
-            part("vertex normals", shaded, surface_is.to_owned()),
+            part("deformation of the mesh to the tip", !is_velocity, scheme_is.to_owned()),
+            part("rewind to the time of collision", !is_velocity, scheme_is.to_owned()),
+            part("vertex normals", self.surface == ContactSurface::Shaded, surface_is.to_owned()),
+            part("subdivision tables", self.surface == ContactSurface::Subdivision, surface_is.to_owned()),
             part("linearisation (K, D)", linear, linear_is.to_owned()),
             part(
                 "exterior at rest or moving",

@@ -39,4 +39,10 @@ shipped! {
     "deep-sticking" => Completes,
     "deep-stick-slip" => Completes,
     "deep-stick-slip-faceted" => Faults,
+    "fig3-sliding-subdivision" => Completes,
+    "fig4-sticking-subdivision" => Completes,
+    "fig5-stick-slip-subdivision" => Completes,
+    "deep-sliding-subdivision" => Completes,
+    "deep-sticking-subdivision" => Completes,
+    "deep-stick-slip-subdivision" => Completes,
 }

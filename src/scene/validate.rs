@@ -14,7 +14,7 @@ use crate::Vec3;
 use crate::contact::law::Law;
 use crate::contact::operators::Metric;
 use crate::contact::surface::ContactSurface;
-use crate::contact::tick::{ContactRules, Deformation, Wall};
+use crate::contact::tick::{ContactRules, Deformation, Scheme, Wall};
 use crate::device::instrument::{TipPath, Waypoint};
 use crate::dynamics::global::SyncMode;
 use crate::dynamics::integrators::GlobalIntegrator;
@@ -150,6 +150,11 @@ impl Checker {
             global,
             is_full,
             local,
+            surface: match file.contact.get_ref().surface {
+                SurfaceName::Faceted => ContactSurface::Faceted,
+                SurfaceName::Shaded => ContactSurface::Shaded,
+                SurfaceName::Subdivision => ContactSurface::Subdivision,
+            },
             contact: self.contact(&file.contact)?,
             path: self.instrument(&file.instrument, folder)?,
             block,
@@ -363,7 +368,6 @@ impl Checker {
 
     fn contact(&self, table: &Spanned<ContactTable>) -> Placed<ContactRules> {
         let contact = table.get_ref();
-        let SchemeName::Geometric = contact.scheme;
         let friction_span = contact.friction.as_ref().map(Spanned::span);
         let law = match (&contact.law, &contact.friction) {
             (LawName::Sliding, _) => {
@@ -383,18 +387,7 @@ impl Checker {
         };
         Ok(ContactRules {
             law,
-            surface: match contact.surface {
-                SurfaceName::Faceted => ContactSurface::Faceted,
-                SurfaceName::Shaded => ContactSurface::Shaded,
-            },
-            deformation: match contact.deformation {
-                DeformationName::Rigid => Deformation::Rigid,
-                DeformationName::LeastNorm => Deformation::LeastNorm,
-            },
-            metric: match contact.metric {
-                MetricName::Euclidean => Metric::Euclidean,
-                MetricName::Mass => Metric::Mass,
-            },
+            scheme: self.scheme(contact)?,
             wall: Wall {
                 stiffness: self.number_or(
                     "contact.wall_stiffness",
@@ -403,6 +396,26 @@ impl Checker {
                     Sign::NonNegative,
                 )?,
                 damping: self.number_or("contact.wall_damping", &contact.wall_damping, 0.0, Sign::NonNegative)?,
+            },
+        })
+    }
+
+    fn scheme(&self, contact: &ContactTable) -> Placed<Scheme> {
+        let (deformation, metric) = (&contact.deformation, &contact.metric);
+        if let SchemeName::Velocity = contact.scheme {
+            let because = "`contact.scheme = \"velocity\"`";
+            self.no_effect("contact.deformation", deformation.as_ref().map(Spanned::span), because)?;
+            self.no_effect("contact.metric", metric.as_ref().map(Spanned::span), because)?;
+            return Ok(Scheme::Velocity);
+        }
+        Ok(Scheme::Geometric {
+            deformation: match deformation.as_ref().map(Spanned::get_ref) {
+                None | Some(DeformationName::Rigid) => Deformation::Rigid,
+                Some(DeformationName::LeastNorm) => Deformation::LeastNorm,
+            },
+            metric: match metric.as_ref().map(Spanned::get_ref) {
+                None | Some(MetricName::Euclidean) => Metric::Euclidean,
+                Some(MetricName::Mass) => Metric::Mass,
             },
         })
     }

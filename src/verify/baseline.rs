@@ -104,6 +104,12 @@ in_program! {
     "deep-sticking",
     "deep-stick-slip",
     "deep-stick-slip-faceted",
+    "fig3-sliding-subdivision",
+    "fig4-sticking-subdivision",
+    "fig5-stick-slip-subdivision",
+    "deep-sliding-subdivision",
+    "deep-sticking-subdivision",
+    "deep-stick-slip-subdivision",
 }
 
 impl Store {

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use stickslip::Vec3;
 use stickslip::contact::law::{Law, Mode};
 use stickslip::contact::operators::Metric;
-use stickslip::contact::surface::ContactSurface;
-use stickslip::contact::tick::{ContactRules, Deformation, Grip, LocalSimulation, Wall};
+use stickslip::contact::surface::ContactGeometry;
+use stickslip::contact::tick::{ContactRules, Deformation, Grip, LocalSimulation, Scheme, Wall};
 use stickslip::model::local::{LocalModelBuilder, LocalSettings};
 use stickslip::model::mesh::Mesh;
 use stickslip::model::network::{Network, State};
@@ -43,14 +43,12 @@ fn touch(mesh: &Mesh, network: &Network, point: &Point, state: &State) -> Touche
     let surface = Arc::new(Surface::new(mesh).expect("a block has a surface"));
     let rules = ContactRules {
         law: Law::Sliding,
-        surface: ContactSurface::Faceted,
-        deformation: Deformation::Rigid,
-        metric: Metric::Mass,
+        scheme: Scheme::Geometric { deformation: Deformation::Rigid, metric: Metric::Mass },
         wall: Wall { stiffness: 1000.0, damping: 0.0 },
     };
     let position = point.support().map(|(node, weight)| state.x[node] * weight).iter().sum::<Vec3>();
-    let (model, local) =
-        LocalModelBuilder::new(network, surface, LocalSettings::FULL).build(network, state, position, None);
+    let mut builder = LocalModelBuilder::new(network, surface, ContactGeometry::Faceted, LocalSettings::FULL);
+    let (model, local) = builder.build(network, state, position, None);
     let mut simulation = LocalSimulation::new(rules, TICK, model, local);
     let approach = point.normal(&state.x) * APPROACH;
     let report = simulation.tick(position + approach, position - approach);

@@ -1,0 +1,228 @@
+//! The velocity scheme: momentum, the laws at the end of a tick, the energy book beside that of the
+//! geometric scheme, continuity of the force, order of convergence.
+
+use stickslip::Vec3;
+use stickslip::contact::law::{Law, Mode};
+use stickslip::contact::operators::Metric;
+use stickslip::contact::surface::ContactSurface;
+use stickslip::contact::tick::{Deformation, Scheme};
+use stickslip::device::instrument::{TipPath, Waypoint};
+use stickslip::model::local::LocalSettings;
+use stickslip::pipeline::{self, TickView};
+use stickslip::scene::Scene;
+
+use crate::check::{Worst, scene, shipped};
+
+const SURFACES: [ContactSurface; 3] = [ContactSurface::Faceted, ContactSurface::Shaded, ContactSurface::Subdivision];
+const LAWS: [Law; 3] = [Law::Sliding, Law::Sticking, Law::StickSlip { friction: 0.5 }];
+const GEOMETRIC: Scheme = Scheme::Geometric { deformation: Deformation::LeastNorm, metric: Metric::Euclidean };
+
+/// The whole network at 1000 Hz times `refinement`.
+fn full(name: &str, surface: ContactSurface, scheme: Scheme, refinement: u32) -> Scene {
+    let mut scene = shipped(name);
+    (scene.local, scene.is_full) = (LocalSettings::FULL, true);
+    (scene.surface, scene.contact.scheme) = (surface, scheme);
+    scene.tick /= f64::from(refinement);
+    scene.tick_count *= u64::from(refinement);
+    scene
+}
+
+fn completes(scene: &Scene, observe: impl FnMut(&TickView)) {
+    pipeline::run(scene, observe).unwrap_or_else(|error| panic!("{}: {error}", scene.name));
+}
+
+/// A block that nothing holds, with unequal masses: what the contact puts in is all the momentum it has.
+#[test]
+fn impulse_is_change_of_momentum() {
+    // Round-off of a sum over 75 nodes, relative to the largest momentum. Measured: 2e-15.
+    let worst = Worst::new("momentum", "free block: sum of impulses - momentum, relative", 1e-13);
+    let mut block = scene(
+        r#"
+        name = "loose"
+        duration = 0.3
+        [mesh]
+        nodes = [5, 5, 3]
+        spacing = 0.0125
+        fixed = "none"
+        [material]
+        node_mass = [0.01, 0.02, 0.03, 0.01, 0.02, 0.03, 0.01, 0.02, 0.03, 0.01, 0.02, 0.03, 0.01, 0.02, 0.03,
+                     0.01, 0.02, 0.03, 0.01, 0.02, 0.03, 0.01, 0.02, 0.03, 0.01, 0.02, 0.03, 0.01, 0.02, 0.03,
+                     0.01, 0.02, 0.03, 0.01, 0.02, 0.03, 0.01, 0.02, 0.03, 0.01, 0.02, 0.03, 0.01, 0.02, 0.03,
+                     0.01, 0.02, 0.03, 0.01, 0.02, 0.03, 0.01, 0.02, 0.03, 0.01, 0.02, 0.03, 0.01, 0.02, 0.03,
+                     0.01, 0.02, 0.03, 0.01, 0.02, 0.03, 0.01, 0.02, 0.03, 0.01, 0.02, 0.03, 0.01, 0.02, 0.03]
+        stiffness = 100.0
+        damping = 0.5
+        [local]
+        model = "full"
+        [contact]
+        law = "sticking"
+        scheme = "velocity"
+        [instrument]
+        waypoints = [[0.0, -0.012, 0.0013, 0.001], [0.1, -0.012, 0.0013, -0.004], [0.3, 0.012, 0.0013, -0.012]]
+        "#,
+    );
+    for surface in SURFACES {
+        for law in LAWS {
+            (block.surface, block.contact.law) = (surface, law);
+            let mut impulse = Vec3::zeros();
+            let (mut largest, mut difference) = (0.0_f64, 0.0_f64);
+            completes(&block, |view| {
+                impulse -= view.force * block.tick;
+                let (model, state) = (view.local.model(), view.local.state());
+                let momentum: Vec3 = model.patch.mass.iter().zip(&state.v).map(|(m, v)| v * *m).sum();
+                largest = largest.max(momentum.norm());
+                difference = difference.max((momentum - impulse).norm());
+            });
+            assert!(largest > 0.005, "{surface:?} {law:?}: {largest} N·s is no contact");
+            worst.check(difference / largest);
+        }
+    }
+}
+
+/// Sticking takes the contact point to the tip, sliding into its tangent plane.
+#[test]
+fn the_contact_point_follows_the_tip() {
+    // Round-off of positions up to 0.05 m. Measured: 2e-17 m.
+    let sticks = Worst::new("velocity scheme", "sticking: p - q1 at the end of a tick, m", 1e-15);
+    let slides = Worst::new("velocity scheme", "sliding: (p - q1).n at the end of a tick, m", 1e-15);
+    for surface in SURFACES {
+        for name in ["deep-sliding", "deep-sticking", "deep-stick-slip"] {
+            let mut touched = 0;
+            completes(&full(name, surface, Scheme::Velocity, 1), |view| {
+                let Some(touch) = view.report.touch.filter(|_| !view.report.rigid) else { return };
+                touched += 1;
+                let gap = view.local.shape().position(&touch.point) - view.tip;
+                match view.report.mode {
+                    Mode::Stick => sticks.check(gap.norm()),
+                    Mode::Slide => slides.check(gap.dot(&touch.normal).abs()),
+                    Mode::Slip | Mode::Free => {}
+                }
+            });
+            assert!(touched > 1000, "{name} {surface:?}: {touched} ticks in contact");
+        }
+    }
+}
+
+/// Residual of the energy book over the total |work|.
+fn energy_residual(scene: &Scene) -> f64 {
+    let mut residual = f64::NAN;
+    completes(scene, |view| residual = view.energy.residual() / view.energy.absolute_work);
+    residual
+}
+
+/// The book closes on the limit surface under the velocity scheme, and better with every halving of the
+/// step; beside it the residuals of what is used elsewhere.
+#[test]
+fn energy_book_closes_on_the_limit_surface() {
+    for name in ["deep-sliding", "deep-stick-slip"] {
+        for surface in SURFACES {
+            for (scheme_name, scheme) in [("geometric", GEOMETRIC), ("velocity", Scheme::Velocity)] {
+                let residuals = [1, 2, 4].map(|refinement| energy_residual(&full(name, surface, scheme, refinement)));
+                let [h, h2, h4] = residuals.map(|r| format!("{:+.4}", r));
+                println!(
+                    "RESIDUAL | energy | {name}, {surface:?}, {scheme_name}: residual / |work| at h, h/2, h/4 | - | {h} {h2} {h4}"
+                );
+                if surface == ContactSurface::Subdivision && scheme == Scheme::Velocity {
+                    assert!(residuals[0].abs() <= 0.01, "{name}: {residuals:?}");
+                    for pair in residuals.windows(2) {
+                        // Half, and a tenth of that for what is of second order.
+                        assert!(pair[1].abs() <= 0.55 * pair[0].abs(), "{name}: {residuals:?}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// What the hand would feel after the press: jumps, losses, chatter.
+struct Feel {
+    /// Largest change of force from tick to tick over the mean force.
+    jump: f64,
+    losses: usize,
+    switches_per_s: f64,
+}
+
+fn feel(scene: &Scene) -> Feel {
+    // The press ends with a jump of the tip's velocity at 0.2 s; what that excites is over at 0.25 s.
+    let settled = (0.25 / scene.tick) as u64;
+    let (mut forces, mut modes) = (Vec::new(), Vec::new());
+    completes(scene, |view| {
+        if view.tick >= settled {
+            forces.push(view.force);
+            modes.push(view.report.mode);
+        }
+    });
+    let mean = forces.iter().map(Vec3::norm).sum::<f64>() / forces.len() as f64;
+    let jump = forces.windows(2).map(|pair| (pair[1] - pair[0]).norm()).fold(0.0, f64::max) / mean;
+    let losses = modes.windows(2).filter(|pair| pair[0] != Mode::Free && pair[1] == Mode::Free).count();
+    let switches = modes.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    Feel { jump, losses, switches_per_s: switches as f64 / (forces.len() as f64 * scene.tick) }
+}
+
+/// The force is continuous over the mesh.
+#[test]
+fn force_does_not_jump_on_the_limit_surface() {
+    for (name, allowed) in [("deep-sliding", 0.005), ("deep-stick-slip", 0.03)] {
+        for surface in SURFACES {
+            for (scheme_name, scheme) in [("geometric", GEOMETRIC), ("velocity", Scheme::Velocity)] {
+                let Feel { jump, losses, switches_per_s } = feel(&full(name, surface, scheme, 1));
+                println!(
+                    "RESIDUAL | continuity | {name}, {surface:?}, {scheme_name}: jump / force, losses, switches per s | - | {jump:.4} {losses} {switches_per_s:.1}"
+                );
+                if surface == ContactSurface::Subdivision && scheme == Scheme::Velocity {
+                    assert!(jump <= allowed, "{name}: {jump}");
+                    assert_eq!(losses, 0, "{name}");
+                    // One stick and one slip a cycle; the block's slowest mode is 10 Hz.
+                    assert!(switches_per_s <= 20.0, "{name}: {switches_per_s} per s");
+                }
+            }
+        }
+    }
+}
+
+/// A smooth press and drag, resolved far below any step used.
+fn smooth_path() -> TipPath {
+    let blend = |t: f64| {
+        let t = t.clamp(0.0, 1.0);
+        t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
+    };
+    let at = |i: u32| {
+        let t = f64::from(i) / 32_000.0;
+        let depth = 0.0005 - 0.0045 * blend(t / 0.3);
+        Waypoint { time: t, position: Vec3::new(-0.01 + 0.01 * blend((t - 0.25) / 0.35), 0.0013, depth) }
+    };
+    TipPath::new((0..=19_200).map(at).collect()).expect("ascending times")
+}
+
+/// Halving the step halves the difference from the next finer run, in force and in state.
+#[test]
+fn velocity_scheme_is_of_first_order() {
+    for (law, name) in [(Law::Sliding, "sliding"), (Law::Sticking, "sticking")] {
+        let runs = [1, 2, 4, 8].map(|refinement| {
+            let mut scene = full("deep-sliding", ContactSurface::Subdivision, Scheme::Velocity, refinement);
+            scene.contact.law = law;
+            scene.path = smooth_path();
+            scene.tick_count /= 2;
+            let (mut force, mut state) = (Vec3::zeros(), Vec::new());
+            completes(&scene, |view| {
+                force = view.force;
+                if view.tick + 1 == scene.tick_count {
+                    state.clone_from(&view.local.state().x);
+                }
+            });
+            (force, state)
+        });
+        let distance =
+            |a: &[Vec3], b: &[Vec3]| a.iter().zip(b).map(|(a, b)| (a - b).norm_squared()).sum::<f64>().sqrt();
+        let of_force = |i: usize| (runs[i].0 - runs[i + 1].0).norm();
+        let of_state = |i: usize| distance(&runs[i].1, &runs[i + 1].1);
+        for (quantity, of) in [("force", &of_force as &dyn Fn(usize) -> f64), ("state", &of_state)] {
+            let orders = [(of(0) / of(1)).log2(), (of(1) / of(2)).log2()];
+            println!(
+                "RESIDUAL | convergence | {name}, velocity: order in h of {quantity} | 0.85..1.3 | {:.2} {:.2}",
+                orders[0], orders[1]
+            );
+            assert!(orders[1] >= 0.85 && orders[1] <= 1.3, "{name} {quantity}: {orders:?}");
+        }
+    }
+}
