@@ -4,10 +4,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from . import local_model, operators
+from . import limit_surface, local_model, operators, velocity
 from . import network as net
 from .scene import SceneError
-from .surface import Surface
 from .tick import RIGID_BELOW, Contact, State, advance
 
 ON_SURFACE = 1e-12  # m: a tip that is no further inside is on the surface to round-off
@@ -27,10 +26,14 @@ class Row:
 
 @dataclass
 class Run:
-    """Rows of a run; `fault` says why it ended early, at the tick after the last row."""
+    """Rows of a run; `fault` says why it ended early, at the tick after the last row.
+
+    `inside_without_contact` counts the ticks that end with the tip inside and no contact kept. It must stay zero.
+    """
 
     h: float
     rows: list = field(default_factory=list)
+    inside_without_contact: int = 0
     fault: str | None = None
 
 
@@ -49,7 +52,7 @@ class Recorded:
 
 def run(scene, network):
     """Run a scene on a network, lockstep in virtual time."""
-    surface = Surface(network.triangles, shaded=scene["contact"].surface == "shaded")
+    surface = limit_surface.build(scene["contact"].surface, network.triangles)
     if not surface.outside(scene.tip(0), network.nodes):
         raise SceneError("the tip is inside the surface at t = 0")
     full = scene["local"].model == "full"
@@ -58,6 +61,7 @@ def run(scene, network):
     pending, model, work, age = None, None, 0.0, 0
     if full:
         model = local_model.FullModel(network)
+    step = velocity.advance if scene["contact"].scheme == "velocity" else advance
     result = Run(scene.h)
     for tick in range(scene.ticks):
         if not full and tick % scene.cycle_ticks == 0:
@@ -71,12 +75,13 @@ def run(scene, network):
                 state.contact = state.contact or swallowed(surface, scene.tip(tick), state.x)
         q0, q1 = scene.tip(tick), scene.tip(tick + 1)
         before = state
-        state, report = advance(model, surface, scene["contact"], state, q0, q1, scene.h, (tick - model.tick) * scene.h)
+        state, report = step(model, surface, scene["contact"], state, q0, q1, scene.h, (tick - model.tick) * scene.h)
         result.fault = fault_in(network, state, report)
         if result.fault:
             break
         shared.record(model.patch, before, state)
         work -= report.force @ (q1 - q0)
+        result.inside_without_contact += state.contact is None and swallowed(surface, q1, state.x) is not None
         result.rows.append(Row(q1, report, model.energies(state.x, state.v), work, age))
         age += 0 if full else 1
     return result
@@ -133,7 +138,7 @@ class GlobalNetwork:
         anchor, nodes = tip, ()
         if state.contact is not None:
             anchor = self.surface.position(state.contact.point, self.x)
-            nodes = self.network.triangles[state.contact.point.triangle]
+            nodes, _ = self.surface.support(state.contact.point)
         return local_model.build(self.network, self.scene["local"], self.x.copy(), self.v, tick, anchor, nodes)
 
     def advance_cycle(self, state, model):
@@ -165,9 +170,9 @@ class GlobalNetwork:
         contact = self.contact
         if contact is None or contact.tension:
             return None
-        support = self.network.triangles[contact.point.triangle]
+        support, weights = self.surface.support(contact.point)
         free = ~self.network.fixed[support]
-        nodes, weights = support[free], contact.point.weights[free]
+        nodes, weights = support[free], weights[free]
         if weights.sum() < RIGID_BELOW:
             return None
         mass = self.network.mass[nodes] if self.scene["contact"].metric == "mass" else None

@@ -99,7 +99,7 @@ def within_hops(network, start, rings):
 
 
 def select_patch(network, centre, rings, contact_nodes):
-    """Free nodes within `rings` spring hops of the centre, and those of the triangle in contact."""
+    """Free nodes within `rings` spring hops of the centre, and those that carry the contact point."""
     if rings == "all":
         return np.flatnonzero(~network.fixed)
     reached = within_hops(network, centre, rings)

@@ -39,8 +39,8 @@ COVERED = {
     ("local", "tangent"): ("exact", "stabilised"),
     ("local", "integrator"): ("semi-implicit-euler",),
     ("contact", "law"): ("sliding", "sticking", "stick-slip"),
-    ("contact", "scheme"): ("geometric",),
-    ("contact", "surface"): ("faceted", "shaded"),
+    ("contact", "scheme"): ("geometric", "velocity"),
+    ("contact", "surface"): ("faceted", "shaded", "subdivision"),
     ("contact", "deformation"): ("rigid", "least-norm"),
     ("contact", "metric"): ("euclidean", "mass"),
     ("instrument", "kind"): ("path", "recording"),
@@ -83,6 +83,8 @@ class Scene:
             raise SceneError("sync.latency_ticks must be less than a cycle")
         if (self["contact"].law == "stick-slip") != (self["contact"].friction is not None):
             raise SceneError("contact.friction goes with law = \"stick-slip\", and only with it")
+        if self["contact"].scheme == "velocity" and {"deformation", "metric"} & set(table["contact"]):
+            raise SceneError("contact.deformation and contact.metric go with scheme = \"geometric\"")
         self.waypoints = read_waypoints(self["instrument"], Path(folder))
 
     def __getitem__(self, section):

@@ -25,9 +25,14 @@ class Surface:
         self.shaded = shaded
         self.neighbours = neighbours(self.triangles)
 
+    def support(self, point):
+        """The nodes that carry a point, and their weights."""
+        return self.triangles[point.triangle], point.weights
+
     def position(self, point, x):
         """p = sum w_i x_i."""
-        return point.weights @ x[self.triangles[point.triangle]]
+        nodes, weights = self.support(point)
+        return weights @ x[nodes]
 
     def face_crosses(self, x):
         a, b, c = (x[self.triangles[:, corner]] for corner in range(3))
@@ -54,6 +59,10 @@ class Surface:
         if self.shaded:
             return project_along_field(q, corners, self.vertex_normals(x, triangle))
         return plane_weights(q, corners)
+
+    def follow(self, q, point, x):
+        """Where a contact goes from `point` with the tip at q. None off an open border."""
+        return self.walk(q, point.triangle, x)
 
     def walk(self, q, start, x):
         """Project q on the surface from triangle `start`, crossing edges as needed. None off an open border."""

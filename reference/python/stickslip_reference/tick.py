@@ -54,36 +54,21 @@ def advance(model, surface, options, state, q0, q1, h, elapsed):
     predicted = State(x_free, v_free)
 
     # 2. Detect, and locate the contact.
-    x, v, rest = state.x, state.v, h
-    contact = state.contact
-    if contact is None:
-        hit = surface.collide(q0, q1, state.x, x_free)
-        if hit is None:
-            return predicted, FREE
-        tau, point = hit
-        x = state.x + tau * h * v_free
-        v = state.v + tau * (v_free - state.v)
-        rest, elapsed = (1.0 - tau) * h, elapsed + tau * h
-    elif contact.tension:
-        if surface.outside(q1, x_free):
-            return predicted, FREE
-        point = surface.nearest(q0, x)
-    elif contact.mode == "stick":
-        point = contact.point
-    else:
-        point = surface.walk(q1 if contact.mode == "slide" else q0, contact.point.triangle, x)
-        if point is None:
-            return predicted, FREE
+    hit = locate(surface, state, predicted, q0, q1)
+    if hit is None:
+        return predicted, FREE
+    tau, point = hit
+    x = state.x + tau * h * v_free
+    v = state.v + tau * (v_free - state.v)
+    rest, elapsed = (1.0 - tau) * h, elapsed + tau * h
     normal = surface.normal(point, x)
-    support = surface.triangles[point.triangle]
-    free = model.moves[support]
-    nodes, weights = support[free], point.weights[free]
+    nodes, weights = free_support(model, surface, point)
 
     if weights.sum() < RIGID_BELOW:
         return rigid_tick(surface, options, predicted, point, normal, x, q0, q1, h)
 
     # 3. Deform.
-    d = q1 - point.weights @ x[support]
+    d = q1 - surface.position(point, x)
     if options.law == "sliding":
         d = (d @ normal) * normal
     deformed = x.copy()
@@ -101,7 +86,7 @@ def advance(model, surface, options, state, q0, q1, h, elapsed):
     multiplier = operators.contact_force(ops.Qt if options.law == "sliding" else ops.Pt, weights, f[place])
     normal_force = multiplier @ normal
     if normal_force <= 0.0:
-        predicted.contact = replace(contact or Contact(point), point=point, tension=True)
+        predicted.contact = replace(state.contact or Contact(point), point=point, tension=True)
         return predicted, FREE
 
     # 5. Law.
@@ -122,6 +107,27 @@ def advance(model, surface, options, state, q0, q1, h, elapsed):
     # 6. Advance.
     advanced = State(deformed + rest * v_new, v_new, Contact(point, mode))
     return advanced, Result(mode, force, point, normal, x)
+
+
+def locate(surface, state, predicted, q0, q1):
+    """Step 2 of either scheme: (share of the tick before a collision, contact point), or None for a free tick."""
+    contact = state.contact
+    if contact is None:
+        return surface.collide(q0, q1, state.x, predicted.x)
+    if contact.tension:
+        point = None if surface.outside(q1, predicted.x) else surface.nearest(q0, state.x)
+    elif contact.mode == "stick":
+        point = contact.point
+    else:
+        point = surface.follow(q1 if contact.mode == "slide" else q0, contact.point, state.x)
+    return None if point is None else (0.0, point)
+
+
+def free_support(model, surface, point):
+    """The nodes of a point's support that move, and their weights: the columns of W that are not zero."""
+    nodes, weights = surface.support(point)
+    free = model.moves[nodes]
+    return nodes[free], weights[free]
 
 
 def push(model, v, f, h):

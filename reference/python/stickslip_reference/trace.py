@@ -92,4 +92,5 @@ def summary(columns, run):
             "largest_force": float(size.max(initial=0.0)), "largest_fn": float(columns["fn"].max(initial=0.0)),
             "largest_ft": float(columns["ft"].max(initial=0.0)),
             "first_contact_tick": next((t for t, m in enumerate(columns["mode"]) if m != "free"), None),
-            "rigid_ticks": sum(row.result.rigid for row in run.rows), "fault": run.fault}
+            "rigid_ticks": sum(row.result.rigid for row in run.rows),
+            "inside_without_contact": run.inside_without_contact, "fault": run.fault}

@@ -136,7 +136,7 @@ def test_release_on_a_gap_fails(monkeypatch):
     read = scene("sticking", duration=0.45)
     network = net.block(read)
     expected = cycle.run(read, network)
-    keep = "predicted.contact = replace(contact or Contact(point), point=point, tension=True)"
+    keep = "predicted.contact = replace(state.contact or Contact(point), point=point, tension=True)"
     monkeypatch.setattr(cycle, "advance", replaced_source(keep, "pass"))
     verdict = compared(expected, network, trace.table(cycle.run(read, network)))
     assert not verdict["pass"] and verdict["quantities"]["mode"]["beyond"] > 0
@@ -235,6 +235,19 @@ def test_compare_passes_on_the_references_own_trace(files, tmp_path):
     # A trace keeps every bit, so its own differences are all zero.
     assert all(entry["absolute"]["max"] == 0.0 for entry in verdict["quantities"].values())
     assert len((tmp_path / "reference-differences.csv").read_text().splitlines()) == 101
+
+
+@pytest.mark.parametrize("contact", ['surface = "subdivision"', 'scheme = "velocity"',
+                                     'surface = "subdivision", scheme = "velocity"'])
+def test_compare_takes_every_surface_and_scheme(files, tmp_path, contact):
+    text = (files / "scene.toml").read_text()
+    (tmp_path / "scene.toml").write_text(text.replace("friction = 1.0", f"friction = 1.0, {contact}"))
+    done = call("simulate.py", tmp_path / "scene.toml", "--network", files / "network.json",
+                "--out", tmp_path / "trace.csv")
+    assert done.returncode == 0 and '"inside_without_contact": 0' in done.stdout, done.stderr
+    done = compare(tmp_path, tmp_path, network=files / "network.json")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert (tmp_path / "trace.csv").read_text() != (files / "trace.csv").read_text()
 
 
 def test_compare_exit_codes(files, tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from setups import DEEP, scene
-from stickslip_reference import cycle, local_model, trace
+from stickslip_reference import cycle, local_model, trace, velocity
 from stickslip_reference import network as net
 from stickslip_reference.scene import SceneError
 from stickslip_reference.surface import Point, Surface
@@ -95,9 +95,11 @@ def test_runaway_is_a_fault_and_keeps_the_rows_before_it():
     assert 850 <= len(columns["tick"]) < 900 and np.isfinite(force(columns)).all()
 
 
-def test_patch_of_everything_without_linearisation_is_the_full_model(within):
-    _, local = run(duration=0.5, local={"rings": "all", "linearization": "none"})
-    _, full = run(duration=0.5, local={"model": "full"})
+@pytest.mark.parametrize("contact", [{}, {"surface": "subdivision"}, {"scheme": "velocity", "surface": "subdivision"}],
+                         ids=["faceted", "subdivision", "velocity"])
+def test_patch_of_everything_without_linearisation_is_the_full_model(within, contact):
+    _, local = run(duration=0.5, local={"rings": "all", "linearization": "none"}, contact=contact)
+    _, full = run(duration=0.5, local={"model": "full"}, contact=contact)
     assert (local["mode"] == full["mode"]).all() and (local["triangle"] == full["triangle"]).all()
     largest = np.abs(force(full)).max()
     within("patch of everything against the full model", np.abs(force(local) - force(full)).max() / largest, SAME_RUN)
@@ -226,16 +228,18 @@ def test_options_stay_near_the_full_model(sections):
 
 
 @pytest.mark.parametrize("law", ["sliding", "sticking", "stick-slip"])
-@pytest.mark.parametrize("surface", ["faceted", "shaded"])
-def test_lifting_off_keeps_the_contact_until_the_tip_is_outside(law, surface):
+@pytest.mark.parametrize("surface", ["faceted", "shaded", "subdivision"])
+@pytest.mark.parametrize("scheme", ["geometric", "velocity"])
+def test_lifting_off_keeps_the_contact_until_the_tip_is_outside(law, surface, scheme):
     """A fast lift puts the contact under tension; a free tick without a kept contact has the tip outside."""
     waypoints = [[0.0, 0.001, 0.0013, 0.00103], [0.1, 0.001, 0.0013, -0.004], [0.2, 0.004, 0.0013, -0.004],
                  [0.21, 0.004, 0.0013, 0.001], [0.3, 0.004, 0.0013, 0.001], [0.4, 0.004, 0.0013, -0.003]]
     read = scene(law, duration=0.4, instrument={"waypoints": waypoints}, local={"model": "full"},
-                 contact={"surface": surface})
+                 contact={"surface": surface, "scheme": scheme})
     network = net.block(read)
     seen = []
-    original = cycle.advance
+    module = velocity if scheme == "velocity" else cycle
+    original = module.advance
 
     def watched(model, surface, options, state, q0, q1, h, elapsed):
         after, report = original(model, surface, options, state, q0, q1, h, elapsed)
@@ -246,12 +250,12 @@ def test_lifting_off_keeps_the_contact_until_the_tip_is_outside(law, surface):
         assert (report.mode == "free") == (seen[-1] != "contact")
         return after, report
 
-    cycle.advance = watched
+    module.advance = watched
     try:
         result = cycle.run(read, network)
     finally:
-        cycle.advance = original
-    assert result.fault is None and (trace.table(result)["fn"] >= 0.0).all()
+        module.advance = original
+    assert result.fault is None and result.inside_without_contact == 0 and (trace.table(result)["fn"] >= 0.0).all()
     phases = [phase for tick, phase in enumerate(seen) if tick == 0 or phase != seen[tick - 1]]
     assert phases[0] == "free" and phases[-1] == "contact"
     assert "tension" in phases and "free" in phases[phases.index("tension") :]

@@ -53,8 +53,9 @@ def test_a_recording_is_the_path_it_holds(tmp_path):
     ('law = "sliding"', 'law = "rolling"'),
     ('law = "sliding"', 'law = "sliding"\nfriction = 1.0'),
     ('law = "sliding"', 'law = "stick-slip"'),
-    ('law = "sliding"', 'law = "sliding"\nsurface = "subdivision"'),
-    ('law = "sliding"', 'law = "sliding"\nscheme = "velocity"'),
+    ('law = "sliding"', 'law = "sliding"\nsurface = "smooth"'),
+    ('law = "sliding"', 'law = "sliding"\nscheme = "velocity"\ndeformation = "rigid"'),
+    ('law = "sliding"', 'law = "sliding"\nscheme = "velocity"\nmetric = "euclidean"'),
     ("damping = 0.5", ""),
     ("duration = 0.5", "duration = 0.50005"),
     ("duration = 0.5", ""),
@@ -70,6 +71,14 @@ def test_refused(tmp_path, old, new):
     assert SMALLEST.count(old) == 1
     with pytest.raises(SceneError):
         read(tmp_path, SMALLEST.replace(old, new))
+
+
+@pytest.mark.parametrize("scheme", ["geometric", "velocity"])
+@pytest.mark.parametrize("surface", ["faceted", "shaded", "subdivision"])
+def test_every_surface_goes_with_every_scheme(tmp_path, scheme, surface):
+    text = SMALLEST.replace('law = "sliding"', f'law = "sliding"\nscheme = "{scheme}"\nsurface = "{surface}"')
+    contact = read(tmp_path, text)["contact"]
+    assert (contact.scheme, contact.surface) == (scheme, surface)
 
 
 def test_a_section_that_is_missing_is_named():

@@ -1,0 +1,228 @@
+"""Contact geometry on the Loop limit surface: location, normals, nearest points, inside and outside, collision."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+from scipy.optimize import brentq
+
+from .subdivision import Subdivision
+from .surface import DISTANCE_TOLERANCE, Point, Surface
+
+STATIONARITY = 1e-12  # of a triangle's edge: the offset's part along the surface
+POLISHING = 2  # Newton steps after that, which take it to round-off
+STEPS = 200
+SAMPLES = 4  # intervals per edge of the points that searches start from
+ON_SURFACE = 1e-12  # m: a tip that is no further inside is on the surface to round-off
+FINEST = 1.0 / 64.0  # of a tick: a tip that goes in and out again within it may be missed
+BESIDE = 1e-6  # weights below this are looked at on the other side of their edge
+
+
+@dataclass(frozen=True)
+class Found:
+    """A point at which no step along the surface comes nearer; `off` an open border if only the border holds it."""
+
+    point: Point
+    offset: np.ndarray  # q - p
+    off: bool
+
+    @property
+    def squared(self):
+        return self.offset @ self.offset
+
+
+class LimitSurface(Surface):
+    """The limit surface of a triangle mesh; the node positions come with every call.
+
+    A Point's weights are barycentrics of its control triangle; `support` gives the nodes that carry it.
+    """
+
+    def __init__(self, triangles):
+        super().__init__(triangles)
+        self.subdivision = Subdivision(self.triangles)
+        owners = [(t, c) for t in range(len(self.triangles)) for c in range(3) if self.neighbours[t, c] < 0]
+        # The border edge that starts and that ends at a node, as (triangle, corner opposite).
+        self.border_from = {int(self.triangles[t, (c + 1) % 3]): (t, c) for t, c in owners}
+        self.border_to = {int(self.triangles[t, (c + 2) % 3]): (t, c) for t, c in owners}
+        supports = [self.subdivision.patch(triangle)[0] for triangle in range(len(self.triangles))]
+        widest = max(len(nodes) for nodes in supports)
+        self.hulls = np.array([np.pad(nodes, (0, widest - len(nodes)), mode="edge") for nodes in supports])
+        counts = [(SAMPLES - i - j, i, j) for i in range(SAMPLES + 1) for j in range(SAMPLES + 1 - i)]
+        self.starts = np.array(counts) / SAMPLES
+        bases = [self.subdivision.basis(triangle, start) for triangle in range(len(self.triangles)) for start in self.starts]
+        ends = np.cumsum([0] + [len(basis.nodes) for basis in bases])
+        self.samples = sparse.csr_matrix((np.concatenate([basis.value for basis in bases]),
+                                          np.concatenate([basis.nodes for basis in bases]), ends),
+                                         shape=(len(bases), int(self.triangles.max()) + 1))
+
+    def support(self, point):
+        basis = self.subdivision.basis(point.triangle, point.weights)
+        return basis.nodes, basis.value
+
+    def normal(self, point, x):
+        basis = self.subdivision.basis(point.triangle, point.weights)
+        n = np.cross(*(basis.first @ x[basis.nodes]))
+        return n / np.linalg.norm(n)
+
+    def pseudonormal(self, point, x):
+        return self.normal(point, x)
+
+    def follow(self, q, point, x):
+        """The nearest point as one slides there from `point`; None off an open border."""
+        found = self.descend(q, point, x)
+        return None if found.off else found.point
+
+    def descend(self, q, point, x):
+        """Newton on the stationarity of |q - p|^2 / 2 from a point, from patch to patch, downhill all the way."""
+        triangle, weights = point.triangle, np.array(point.weights)
+        polished = resting = 0
+        for _ in range(STEPS):
+            basis = self.subdivision.basis(triangle, weights)
+            control = x[basis.nodes]
+            offset = q - basis.value @ control
+            first = basis.first @ control
+            metric = first @ first.T
+            gradient = -first @ offset
+            uu, uv, vv = -(basis.second @ control) @ offset
+            hessian = metric + [[uu, uv], [uv, vv]]
+            if not (hessian[0, 0] > 0.0 and np.linalg.det(hessian) > 1e-6 * np.linalg.det(metric)):
+                hessian = metric
+            step = -np.linalg.solve(hessian, gradient)
+            change = np.array([-step.sum(), *step])
+            residual = np.sqrt(gradient @ np.linalg.solve(metric, gradient))
+            rim = [c for c in range(3) if weights[c] == 0.0 and self.neighbours[triangle, c] < 0 and change[c] < 0.0]
+            for corner in rim:  # along the border only
+                along = np.roll([0.0, -1.0, 1.0], corner)
+                slope = gradient @ along[1:]
+                change = -slope / (along[1:] @ hessian @ along[1:]) * along
+                residual = abs(slope) / np.linalg.norm(along[1:] @ first)
+                if (change[weights == 0.0] >= 0.0).all():
+                    break
+            found = Found(Point(int(triangle), weights), offset, bool(rim))
+            edge = np.linalg.norm(control[1] - control[0])
+            if residual <= STATIONARITY * edge:
+                polished += 1
+                if polished > POLISHING:
+                    return found
+
+            falling = change < 0.0
+            reach = np.where(falling, weights / np.where(falling, -change, 1.0), np.inf)
+            corner = int(reach.argmin())
+            whole = min(1.0, reach[corner])
+            share, size = whole, found.squared
+            while share > 0.0 and residual > 1e-6 * edge:
+                tried = self.squared(q, triangle, moved(weights, change, share), x)
+                if tried <= size + 2e-4 * share * (gradient @ change[1:]):
+                    break
+                share *= 0.5
+                if share < 1e-12:
+                    return found
+            crosses = reach[corner] <= 1.0 and share == whole
+            weights = moved(weights, change, share, corner if crosses else None)
+            resting = resting + 1 if crosses and whole == 0.0 else 0
+            if resting > 16:  # round a vertex and back: nothing to gain
+                return found
+            if crosses:
+                triangle, weights = self.across(triangle, corner, weights)
+        return found
+
+    def squared(self, q, triangle, weights, x):
+        basis = self.subdivision.basis(triangle, weights)
+        offset = q - basis.value @ x[basis.nodes]
+        return offset @ offset
+
+    def across(self, triangle, corner, weights):
+        """A point on the edge opposite `corner` in the next triangle; at an end of a border edge, in the next one's."""
+        other = int(self.neighbours[triangle, corner])
+        nodes = self.triangles[triangle]
+        if other < 0:
+            node = int(nodes[weights.argmax()])
+            if weights.max() < 1.0:
+                return triangle, weights
+            one, two = self.border_from[node][0], self.border_to[node][0]
+            other = two if one == triangle else one
+        share = dict(zip(nodes.tolist(), weights))
+        return other, np.array([share.get(node, 0.0) for node in self.triangles[other].tolist()])
+
+    def nearest_found(self, q, x):
+        """The nearest of the points found from every triangle whose hull could hold the nearest."""
+        sampled = self.samples @ x[: self.samples.shape[1]] - q
+        sampled = (sampled * sampled).sum(axis=1).reshape(len(self.triangles), -1)
+        hulls = x[self.hulls]
+        beyond = np.maximum(0.0, np.maximum(hulls.min(axis=1) - q, q - hulls.max(axis=1)))
+        near = np.flatnonzero((beyond * beyond).sum(axis=1) <= sampled.min() * (1.0 + 1e-12))
+        found = [self.descend(q, Point(int(t), self.starts[sampled[t].argmin()]), x) for t in near]
+        least = min(found, key=lambda each: each.squared)
+        found += [Found(point, q - self.position(point, x), least.off) for point in self.beside(least.point)]
+        same = [each for each in found if each.squared <= least.squared + DISTANCE_TOLERANCE]
+        return min(same, key=lambda each: each.point.triangle)
+
+    def beside(self, point):
+        """A point close to an edge or a vertex, put onto it, in all other triangles there."""
+        on = point.weights > BESIDE
+        if on.all():
+            return []
+        share = dict(zip(self.triangles[point.triangle][on].tolist(), point.weights[on] / point.weights[on].sum()))
+        touching = np.flatnonzero(np.isin(self.triangles, list(share)).sum(axis=1) == len(share))
+        return [Point(int(t), np.array([share.get(node, 0.0) for node in self.triangles[t].tolist()]))
+                for t in touching if t != point.triangle]
+
+    def nearest(self, q, x):
+        return self.nearest_found(q, x).point
+
+    def signed_distance(self, q, x):
+        """Distance to the surface, negative inside, by the true normal at the nearest point; and that point."""
+        found = self.nearest_found(q, x)
+        height = found.offset @ self.normal(found.point, x)
+        return (np.copysign(np.sqrt(found.squared), height) if found.off else height), found.point
+
+    def outside(self, q, x):
+        return self.signed_distance(q, x)[0] > 0.0
+
+    def collide(self, q0, q1, x0, x1):
+        """The earliest time at which the tip's signed distance turns negative while tip and nodes move linearly.
+
+        Returns (tau, Point), or None. The distance changes no faster than the tip and the fastest node together.
+        """
+        def distance(tau):
+            return self.signed_distance((1.0 - tau) * q0 + tau * q1, (1.0 - tau) * x0 + tau * x1)
+
+        speed = np.linalg.norm(q1 - q0) + np.linalg.norm(x1 - x0, axis=1).max()
+        start, point = distance(0.0)
+        if start > speed:
+            return None
+        if -ON_SURFACE <= start <= 0.0:
+            nodes, weights = self.support(point)
+            if ((q1 - q0) - weights @ (x1 - x0)[nodes]) @ self.normal(point, x0) < 0.0:
+                return 0.0, point
+        intervals = [(0.0, start, 1.0, distance(1.0)[0])]
+        while intervals:
+            left, before, right, after = intervals.pop()
+            if (before > 0.0) == (after > 0.0) and abs(before) + abs(after) > speed * (right - left):
+                continue
+            if right - left > FINEST:
+                middle = 0.5 * (left + right)
+                between = distance(middle)[0]
+                intervals += [(middle, between, right, after), (left, before, middle, between)]
+            elif before > 0.0 >= after:
+                tau = right if after == 0.0 else brentq(lambda at: distance(at)[0], left, right, xtol=1e-15, rtol=1e-15)
+                value, point = distance(tau)
+                if abs(value) <= ON_SURFACE:  # else the nearest point went round an open border
+                    return tau, point
+        return None
+
+
+def moved(weights, change, share, emptied=None):
+    """Weights after a step, none of them negative, adding up to one."""
+    result = np.maximum(weights + share * change, 0.0)
+    if emptied is not None:
+        result[emptied] = 0.0
+    largest = int(result.argmax())
+    result[largest] = 0.0
+    result[largest] = 1.0 - result.sum()
+    return result
+
+
+def build(kind, triangles):
+    """The surface of a scene's contact.surface."""
+    return LimitSurface(triangles) if kind == "subdivision" else Surface(triangles, shaded=kind == "shaded")
