@@ -3,25 +3,20 @@
 
 use stickslip::Vec3;
 use stickslip::contact::law::{Law, Mode};
-use stickslip::contact::operators::Metric;
 use stickslip::contact::surface::ContactSurface;
-use stickslip::contact::tick::{Deformation, Scheme};
+use stickslip::contact::tick::Scheme;
 use stickslip::device::instrument::{TipPath, Waypoint};
-use stickslip::model::local::LocalSettings;
 use stickslip::pipeline::{self, TickView};
 use stickslip::scene::Scene;
+use stickslip::verify::surfaces::{self, Felt};
 
 use crate::check::{Worst, scene, shipped};
 
-const SURFACES: [ContactSurface; 3] = [ContactSurface::Faceted, ContactSurface::Shaded, ContactSurface::Subdivision];
 const LAWS: [Law; 3] = [Law::Sliding, Law::Sticking, Law::StickSlip { friction: 0.5 }];
-const GEOMETRIC: Scheme = Scheme::Geometric { deformation: Deformation::LeastNorm, metric: Metric::Euclidean };
 
 /// The whole network at 1000 Hz times `refinement`.
 fn full(name: &str, surface: ContactSurface, scheme: Scheme, refinement: u32) -> Scene {
-    let mut scene = shipped(name);
-    (scene.local, scene.is_full) = (LocalSettings::FULL, true);
-    (scene.surface, scene.contact.scheme) = (surface, scheme);
+    let mut scene = surfaces::whole(&shipped(name), surface, scheme);
     scene.tick /= f64::from(refinement);
     scene.tick_count *= u64::from(refinement);
     scene
@@ -61,7 +56,7 @@ fn impulse_is_change_of_momentum() {
         waypoints = [[0.0, -0.012, 0.0013, 0.001], [0.1, -0.012, 0.0013, -0.004], [0.3, 0.012, 0.0013, -0.012]]
         "#,
     );
-    for surface in SURFACES {
+    for (_, surface) in surfaces::SURFACES {
         for law in LAWS {
             (block.surface, block.contact.law) = (surface, law);
             let mut impulse = Vec3::zeros();
@@ -85,7 +80,7 @@ fn the_contact_point_follows_the_tip() {
     // Round-off of positions up to 0.05 m. Measured: 2e-17 m.
     let sticks = Worst::new("velocity scheme", "sticking: p - q1 at the end of a tick, m", 1e-15);
     let slides = Worst::new("velocity scheme", "sliding: (p - q1).n at the end of a tick, m", 1e-15);
-    for surface in SURFACES {
+    for (_, surface) in surfaces::SURFACES {
         for name in ["deep-sliding", "deep-sticking", "deep-stick-slip"] {
             let mut touched = 0;
             completes(&full(name, surface, Scheme::Velocity, 1), |view| {
@@ -115,8 +110,8 @@ fn energy_residual(scene: &Scene) -> f64 {
 #[test]
 fn energy_book_closes_on_the_limit_surface() {
     for name in ["deep-sliding", "deep-stick-slip"] {
-        for surface in SURFACES {
-            for (scheme_name, scheme) in [("geometric", GEOMETRIC), ("velocity", Scheme::Velocity)] {
+        for (_, surface) in surfaces::SURFACES {
+            for (scheme_name, scheme) in surfaces::SCHEMES {
                 let residuals = [1, 2, 4].map(|refinement| energy_residual(&full(name, surface, scheme, refinement)));
                 let [h, h2, h4] = residuals.map(|r| format!("{:+.4}", r));
                 println!(
@@ -134,46 +129,22 @@ fn energy_book_closes_on_the_limit_surface() {
     }
 }
 
-/// What the hand would feel after the press: jumps, losses, chatter.
-struct Feel {
-    /// Largest change of force from tick to tick over the mean force.
-    jump: f64,
-    losses: usize,
-    switches_per_s: f64,
-}
-
-fn feel(scene: &Scene) -> Feel {
-    // The press ends with a jump of the tip's velocity at 0.2 s; what that excites is over at 0.25 s.
-    let settled = (0.25 / scene.tick) as u64;
-    let (mut forces, mut modes) = (Vec::new(), Vec::new());
-    completes(scene, |view| {
-        if view.tick >= settled {
-            forces.push(view.force);
-            modes.push(view.report.mode);
-        }
-    });
-    let mean = forces.iter().map(Vec3::norm).sum::<f64>() / forces.len() as f64;
-    let jump = forces.windows(2).map(|pair| (pair[1] - pair[0]).norm()).fold(0.0, f64::max) / mean;
-    let losses = modes.windows(2).filter(|pair| pair[0] != Mode::Free && pair[1] == Mode::Free).count();
-    let switches = modes.windows(2).filter(|pair| pair[0] != pair[1]).count();
-    Feel { jump, losses, switches_per_s: switches as f64 / (forces.len() as f64 * scene.tick) }
-}
-
 /// The force is continuous over the mesh.
 #[test]
 fn force_does_not_jump_on_the_limit_surface() {
     for (name, allowed) in [("deep-sliding", 0.005), ("deep-stick-slip", 0.03)] {
-        for surface in SURFACES {
-            for (scheme_name, scheme) in [("geometric", GEOMETRIC), ("velocity", Scheme::Velocity)] {
-                let Feel { jump, losses, switches_per_s } = feel(&full(name, surface, scheme, 1));
+        for (_, surface) in surfaces::SURFACES {
+            for (scheme_name, scheme) in surfaces::SCHEMES {
+                let felt = surfaces::feel(&full(name, surface, scheme, 1), |_| {}).expect("it starts outside");
+                let Felt { jump_relative, contact_losses, mode_switches_per_s, .. } = felt;
                 println!(
-                    "RESIDUAL | continuity | {name}, {surface:?}, {scheme_name}: jump / force, losses, switches per s | - | {jump:.4} {losses} {switches_per_s:.1}"
+                    "RESIDUAL | continuity | {name}, {surface:?}, {scheme_name}: jump / force, losses, switches per s | - | {jump_relative:.4} {contact_losses} {mode_switches_per_s:.1}"
                 );
                 if surface == ContactSurface::Subdivision && scheme == Scheme::Velocity {
-                    assert!(jump <= allowed, "{name}: {jump}");
-                    assert_eq!(losses, 0, "{name}");
+                    assert!(jump_relative <= allowed, "{name}: {jump_relative}");
+                    assert_eq!(contact_losses, 0, "{name}");
                     // One stick and one slip a cycle; the block's slowest mode is 10 Hz.
-                    assert!(switches_per_s <= 20.0, "{name}: {switches_per_s} per s");
+                    assert!(mode_switches_per_s <= 20.0, "{name}: {mode_switches_per_s} per s");
                 }
             }
         }

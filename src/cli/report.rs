@@ -10,12 +10,29 @@ use super::{FAIL, PASS, load, say, table};
 use crate::output::files::{FinishedRun, run_into, write_file, write_json};
 use crate::pipeline::Simulation;
 use crate::scene::{Expectation, SHIPPED, Scene, SceneError};
+use crate::verify::surfaces::{self, Combination, Felt};
+
+/// How often the deep drags' block is divided for the comparison of contact surfaces.
+const REFINEMENTS: [usize; 2] = [1, 2];
 
 /// `report.json`.
 #[derive(Serialize)]
 struct ReportFile<'a> {
     version: &'static str,
     runs: Vec<RunEntry<'a>>,
+    /// Contact surfaces and schemes compared; absent if scenes were named.
+    surfaces: Option<&'a [SurfaceEntry]>,
+}
+
+/// A row of the comparison of contact surfaces.
+#[derive(Serialize)]
+struct SurfaceEntry {
+    drag: &'static str,
+    surface: &'static str,
+    scheme: &'static str,
+    spacing_m: f64,
+    #[serde(flatten)]
+    felt: Felt,
 }
 
 #[derive(Serialize)]
@@ -50,6 +67,9 @@ impl Reported {
 }
 
 pub fn report(scenes: &[PathBuf], out: &Path) -> miette::Result<u8> {
+    // Named scenes are reported alone.
+    let grid: Vec<Combination> =
+        if scenes.is_empty() { REFINEMENTS.into_iter().flat_map(surfaces::grid).collect() } else { Vec::new() };
     let shipped = SHIPPED.iter().map(|shipped| shipped.name.into());
     let scenes: Vec<PathBuf> = if scenes.is_empty() { shipped.collect() } else { scenes.to_vec() };
     // All scenes are checked before the first one runs.
@@ -66,7 +86,8 @@ pub fn report(scenes: &[PathBuf], out: &Path) -> miette::Result<u8> {
         }
     }
 
-    let mut progress = Progress::new(scenes.iter().map(|(scene, _)| scene.tick_count).sum());
+    let all = scenes.iter().map(|(scene, _)| scene).chain(grid.iter().map(|combination| &combination.scene));
+    let mut progress = Progress::new(all.map(|scene| scene.tick_count).sum());
     let mut reported = Vec::with_capacity(scenes.len());
     for (scene, expectation) in &scenes {
         progress.begin(&scene.name);
@@ -74,6 +95,13 @@ pub fn report(scenes: &[PathBuf], out: &Path) -> miette::Result<u8> {
         let run = run_into(scene, &folder, |ticks| progress.set(ticks))?;
         progress.end(scene.tick_count);
         reported.push(Reported { figure: figure(&run, &scene.name)?, run, expectation: *expectation });
+    }
+    let mut compared = Vec::with_capacity(grid.len());
+    for Combination { drag, surface, scheme, spacing_m, scene } in &grid {
+        progress.begin(&scene.name);
+        let felt = surfaces::feel(scene, |ticks| progress.set(ticks)).map_err(|error| miette::miette!("{error}"))?;
+        progress.end(scene.tick_count);
+        compared.push(SurfaceEntry { drag, surface, scheme, spacing_m: *spacing_m, felt });
     }
     drop(progress);
 
@@ -87,9 +115,10 @@ pub fn report(scenes: &[PathBuf], out: &Path) -> miette::Result<u8> {
                 RunEntry { as_expected, outcome, summary: &r.run.summary }
             })
             .collect(),
+        surfaces: (!compared.is_empty()).then_some(&compared),
     };
     write_json(&out.join("report.json"), &file)?;
-    write_file(&out.join("index.html"), page(&reported).into_string().as_bytes())?;
+    write_file(&out.join("index.html"), page(&reported, &compared)?.into_string().as_bytes())?;
 
     say(table::runs(reported.iter().map(|r| (&r.run.summary, r.outcome()))))?;
     say(format_args!("report: {}", out.join("index.html").display()))?;
@@ -106,6 +135,35 @@ fn figure(_: &FinishedRun, _: &str) -> miette::Result<String> {
     Ok(String::new())
 }
 
+#[cfg(feature = "plots")]
+fn surface_figure(compared: &[SurfaceEntry]) -> miette::Result<String> {
+    use crate::output::plots::{Jump, jumps};
+    let columns: Vec<String> = surfaces::SURFACES
+        .iter()
+        .flat_map(|(surface, _)| surfaces::SCHEMES.iter().map(move |(scheme, _)| format!("{surface} {scheme}")))
+        .collect();
+    let series = surfaces::DRAGS;
+    let coarse = compared.iter().map(|entry| entry.spacing_m).fold(0.0, f64::max);
+    let marks: Vec<Jump> = compared
+        .iter()
+        .map(|entry| {
+            let name = format!("{} {}", entry.surface, entry.scheme);
+            Jump {
+                column: columns.iter().position(|column| *column == name).unwrap_or(0),
+                series: series.iter().position(|drag| *drag == entry.drag).unwrap_or(0),
+                hollow: entry.spacing_m < coarse,
+                relative: entry.felt.jump_relative,
+            }
+        })
+        .collect();
+    jumps(&columns, &series, &marks).map_err(|error| miette::miette!("cannot draw the jumps: {error}"))
+}
+
+#[cfg(not(feature = "plots"))]
+fn surface_figure(_: &[SurfaceEntry]) -> miette::Result<String> {
+    Ok(String::new())
+}
+
 const STYLE: &str = "
 :root { color-scheme: light dark; font: 16px/1.5 system-ui, sans-serif; }
 body { max-width: 76rem; margin: 0 auto; padding: 1rem; }
@@ -116,14 +174,83 @@ td { white-space: nowrap; }
 th:first-child, td:first-child, th:nth-child(2), td:nth-child(2) { text-align: left; }
 .unexpected { color: #c22; font-weight: bold; }
 figure { margin: 2rem 0; }
+.pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(30rem, 100%), 1fr)); gap: 1rem; }
 figure svg { width: 100%; height: auto; background: #fff; border-radius: 6px; }
 ";
 
-fn page(reported: &[Reported]) -> Markup {
+/// What the name of a scene over the limit surface ends with, after that of the scene it repeats.
+const VARIANT: &str = "-subdivision";
+
+fn figure_of(r: &Reported) -> Markup {
+    html! {
+        figure {
+            (PreEscaped(&r.figure))
+            figcaption {
+                b { (r.run.summary.scene) } ": normal (solid) and tangential (dotted) force on the instrument. "
+                @if let Some(share) = r.run.summary.stick_share {
+                    (format!("{:.0} % of the ticks in contact stick. ", 100.0 * share))
+                }
+                @if let Some(fault) = &r.run.summary.fault { (fault) "." }
+            }
+        }
+    }
+}
+
+fn surface_table(compared: &[SurfaceEntry]) -> Markup {
+    let percent = |value: f64| format!("{:.2} %", 100.0 * value);
+    html! {
+        div.wide {
+            table {
+                thead {
+                    tr {
+                        @for head in [
+                            "drag", "surface, scheme", "spacing (mm)", "mean force (N)", "largest jump (N)", "jump / force",
+                            "power above 100 Hz (N²)", "ripple over the mesh", "losses", "mode switches (1/s)", "energy residual",
+                        ] { th { (head) } }
+                    }
+                }
+                tbody {
+                    @for entry in compared {
+                        @let felt = &entry.felt;
+                        tr {
+                            td { (entry.drag) }
+                            td { (entry.surface) ", " (entry.scheme) }
+                            td { (format!("{:.2}", 1e3 * entry.spacing_m)) }
+                            td { (format!("{:.3}", felt.mean_force_n)) }
+                            td { (format!("{:.4}", felt.largest_jump_n)) }
+                            td { (percent(felt.jump_relative)) }
+                            td { (format!("{:.1e}", felt.power_above_100_hz_n2)) }
+                            td { (felt.mesh_ripple_relative.map_or("–".to_owned(), percent)) }
+                            td { (felt.contact_losses) }
+                            td { (format!("{:.1}", felt.mode_switches_per_s)) }
+                            td {
+                                @match &felt.fault {
+                                    Some(fault) => (fault),
+                                    None => (percent(felt.energy_residual_relative)),
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn page(reported: &[Reported], compared: &[SurfaceEntry]) -> miette::Result<Markup> {
+    let variant = |r: &Reported| {
+        let name = format!("{}{VARIANT}", r.run.summary.scene);
+        reported.iter().find(|other| other.run.summary.scene == name)
+    };
+    let is_variant = |r: &Reported| {
+        let base = r.run.summary.scene.strip_suffix(VARIANT);
+        base.is_some_and(|base| reported.iter().any(|other| other.run.summary.scene == base))
+    };
+    let surfaces = if compared.is_empty() { String::new() } else { surface_figure(compared)? };
     let mut order: Vec<&Reported> = reported.iter().collect();
     // What failed comes first.
     order.sort_by_key(|r| r.as_expected());
-    html! {
+    Ok(html! {
         (DOCTYPE)
         html lang="en" {
             head {
@@ -153,19 +280,23 @@ fn page(reported: &[Reported]) -> Markup {
                         }
                     }
                 }
-                @for r in &order {
-                    figure {
-                        (PreEscaped(&r.figure))
-                        figcaption {
-                            b { (r.run.summary.scene) } ": normal (solid) and tangential (dotted) force on the instrument. "
-                            @if let Some(share) = r.run.summary.stick_share {
-                                (format!("{:.0} % of the ticks in contact stick. ", 100.0 * share))
-                            }
-                            @if let Some(fault) = &r.run.summary.fault { (fault) "." }
-                        }
+                @for r in order.iter().filter(|r| !is_variant(r)) {
+                    div.pair {
+                        (figure_of(r))
+                        @if let Some(variant) = variant(r) { (figure_of(variant)) }
                     }
+                }
+                @if !compared.is_empty() {
+                    h2 { "Contact surfaces and schemes" }
+                    p {
+                        "The deep drags with the whole network at the haptic rate, so that nothing but the contact \
+                         differs, over two meshes of the same block, from the end of the press on. Filled marks: the \
+                         coarser mesh."
+                    }
+                    figure { (PreEscaped(&surfaces)) }
+                    (surface_table(compared))
                 }
             }
         }
-    }
+    })
 }

@@ -1,9 +1,11 @@
-//! Force over time, as the paper's Figures 3–5 draw it.
+//! Figures: force over time, as the paper's Figures 3–5 draw it, and the jumps of the force by contact
+//! surface.
 
 use std::io;
 
 use plotters::element::DashedPathElement;
 use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::summary::Sample;
 
@@ -21,6 +23,80 @@ pub fn forces(title: &str, samples: &[Sample]) -> io::Result<String> {
     let mut svg = String::new();
     draw(&mut svg, title, samples).map_err(|error| io::Error::other(error.to_string()))?;
     Ok(svg)
+}
+
+/// A mark in [`jumps`].
+#[derive(Debug, Clone, Copy)]
+pub struct Jump {
+    /// Column.
+    pub column: usize,
+    /// Which of [`jumps`]' series.
+    pub series: usize,
+    /// Whether it is drawn hollow.
+    pub hollow: bool,
+    /// Largest jump of the force over its mean.
+    pub relative: f64,
+}
+
+/// Largest jump of the force between two ticks, relative to the mean force, on a logarithmic scale, as an
+/// SVG document: a column per combination of surface and scheme, a colour per law.
+///
+/// # Errors
+/// If the plotting library cannot draw it.
+pub fn jumps(columns: &[String], series: &[&str], marks: &[Jump]) -> io::Result<String> {
+    let mut svg = String::new();
+    draw_jumps(&mut svg, columns, series, marks).map_err(|error| io::Error::other(error.to_string()))?;
+    Ok(svg)
+}
+
+fn draw_jumps(svg: &mut String, columns: &[String], series: &[&str], marks: &[Jump]) -> Drawn {
+    const COLOURS: [RGBColor; 3] = [NORMAL, RGBColor(90, 140, 60), TANGENTIAL];
+    let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
+    root.fill(&WHITE)?;
+    let right = columns.len() as f64;
+    let mut chart = ChartBuilder::on(&root)
+        .caption("largest change of force between two ticks over the mean force", ("sans-serif", 18))
+        .margin(12)
+        .x_label_area_size(44)
+        .y_label_area_size(64)
+        .build_cartesian_2d(0.0..right, (1e-4..1e2).log_scale())?;
+    chart
+        .configure_mesh()
+        .disable_x_mesh()
+        // Labels stand on whole numbers; the columns' names go between them.
+        .x_labels(0)
+        .y_label_formatter(&|value| format!("{value:e}"))
+        .light_line_style(BLACK.mix(0.04))
+        .bold_line_style(BLACK.mix(0.12))
+        .label_style(("sans-serif", 14))
+        .draw()?;
+    for (i, column) in columns.iter().enumerate() {
+        let style = ("sans-serif", 13).into_font().color(&BLACK).pos(Pos::new(HPos::Center, VPos::Top));
+        for (line, text) in column.split(' ').enumerate() {
+            let (x, y) = chart.backend_coord(&(i as f64 + 0.5, 1e-4));
+            root.draw_text(text, &style, (x, y + 6 + 15 * line as i32))?;
+        }
+    }
+    for (k, name) in series.iter().enumerate() {
+        let colour = COLOURS[k % COLOURS.len()];
+        let of_series = marks.iter().filter(|mark| mark.series == k && mark.relative > 0.0);
+        let drawn = of_series.map(|mark| {
+            let x = mark.column as f64 + 0.3 + 0.2 * k as f64 + if mark.hollow { 0.08 } else { 0.0 };
+            let style = if mark.hollow { colour.stroke_width(2) } else { colour.filled() };
+            Circle::new((x, mark.relative.clamp(1e-4, 1e2)), 5, style)
+        });
+        chart.draw_series(drawn)?.label(*name).legend(move |(x, y)| Circle::new((x + 12, y), 5, colour.filled()));
+    }
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::UpperRight)
+        .margin(10)
+        .border_style(BLACK.mix(0.2))
+        .background_style(WHITE.mix(0.8))
+        .label_font(("sans-serif", 14))
+        .draw()?;
+    root.present()?;
+    Ok(())
 }
 
 type Drawn = Result<(), Box<dyn std::error::Error>>;

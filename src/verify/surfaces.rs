@@ -1,0 +1,178 @@
+//! What the choice of contact surface and scheme does to the force: one drag, run over every
+//! combination with the whole network at the haptic rate, so that nothing but the contact differs.
+
+use serde::Serialize;
+
+use crate::Vec3;
+use crate::contact::law::{Law, Mode};
+use crate::contact::operators::Metric;
+use crate::contact::surface::ContactSurface;
+use crate::contact::tick::{Deformation, Scheme};
+use crate::dynamics::energy::EnergyBook;
+use crate::model::local::LocalSettings;
+use crate::model::mesh::Block;
+use crate::output::spectrum::power_above;
+use crate::pipeline::{self, RunError};
+use crate::scene::Scene;
+
+/// The drags that are compared: 6 mm deep, one for each law.
+pub const DRAGS: [&str; 3] = ["deep-sliding", "deep-sticking", "deep-stick-slip"];
+/// Every contact surface with its name in scenes.
+pub const SURFACES: [(&str, ContactSurface); 3] = [
+    ("faceted", ContactSurface::Faceted),
+    ("shaded", ContactSurface::Shaded),
+    ("subdivision", ContactSurface::Subdivision),
+];
+/// Both schemes with their names in scenes; the geometric one with its smallest deformation.
+pub const SCHEMES: [(&str, Scheme); 2] = [
+    ("geometric", Scheme::Geometric { deformation: Deformation::LeastNorm, metric: Metric::Euclidean }),
+    ("velocity", Scheme::Velocity),
+];
+
+/// The press ends with a jump of the tip's velocity at 0.2 s. What that excites is over by now, s.
+const SETTLED_S: f64 = 0.25;
+/// Frequencies above this count as ripple, Hz.
+const RIPPLE_HZ: f64 = 100.0;
+
+/// One combination.
+#[derive(Debug, Clone)]
+pub struct Combination {
+    /// The drag.
+    pub drag: &'static str,
+    /// Name of the surface.
+    pub surface: &'static str,
+    /// Name of the scheme.
+    pub scheme: &'static str,
+    /// Edge of the mesh, m.
+    pub spacing_m: f64,
+    /// What to run.
+    pub scene: Scene,
+}
+
+/// What a hand would feel of it from the end of the press on, and the energy book of the whole run.
+#[derive(Debug, Clone, Serialize)]
+pub struct Felt {
+    /// Why it ended early, if it did.
+    pub fault: Option<String>,
+    /// Mean magnitude of the force, N.
+    pub mean_force_n: f64,
+    /// Largest change of force between two ticks, N.
+    pub largest_jump_n: f64,
+    /// The same over the mean force.
+    pub jump_relative: f64,
+    /// Mean square of the force above 100 Hz, N².
+    pub power_above_100_hz_n2: f64,
+    /// Amplitude of the force, over its mean, at the frequency at which the tip passes over edges; absent
+    /// for a tip that holds its point.
+    pub mesh_ripple_relative: Option<f64>,
+    /// Times that the force of a contact dropped to zero.
+    pub contact_losses: u64,
+    /// Changes of mode.
+    pub mode_switches_per_s: f64,
+    /// Residual of the energy book over the total |work|.
+    pub energy_residual_relative: f64,
+}
+
+/// Every combination over one mesh. `refinement` divides the drag's block further, with the same material:
+/// stiffness as the spacing, masses as its cube, and the damping ratio kept.
+pub fn grid(refinement: usize) -> Vec<Combination> {
+    let mut grid = Vec::new();
+    for drag in DRAGS {
+        let Some(shipped) = Scene::shipped(drag) else { continue };
+        for (surface, kind) in SURFACES {
+            for (scheme, rules) in SCHEMES {
+                let mut scene = whole(&shipped, kind, rules);
+                refine(&mut scene, refinement);
+                scene.name = format!("{drag}, {surface}, {scheme}");
+                grid.push(Combination { drag, surface, scheme, spacing_m: scene.block.spacing, scene });
+            }
+        }
+    }
+    grid
+}
+
+/// The same drag with the whole network at the haptic rate, over another surface with another scheme.
+pub fn whole(scene: &Scene, surface: ContactSurface, scheme: Scheme) -> Scene {
+    let mut scene = scene.clone();
+    (scene.local, scene.is_full) = (LocalSettings::FULL, true);
+    (scene.surface, scene.contact.scheme) = (surface, scheme);
+    scene
+}
+
+fn refine(scene: &mut Scene, refinement: usize) {
+    let factor = refinement as f64;
+    let block = scene.block;
+    scene.block = Block {
+        nodes: block.nodes.map(|count| (count - 1) * refinement + 1),
+        spacing: block.spacing / factor,
+        stencil: block.stencil,
+    };
+    let count = scene.block.nodes.iter().product();
+    scene.fixed = (0..count).map(|node| scene.block.is_bottom(node)).collect();
+    let material = &mut scene.material;
+    let mass = material.node_mass.first().copied().unwrap_or_default();
+    material.node_mass = vec![mass / factor.powi(3); count];
+    material.stiffness /= factor;
+    material.damping /= factor * factor;
+}
+
+/// Runs a scene. `progress` is called with the number of ticks done.
+///
+/// # Errors
+/// If the scene cannot start. A fault is part of the answer.
+pub fn feel(scene: &Scene, mut progress: impl FnMut(u64)) -> Result<Felt, RunError> {
+    let settled = (SETTLED_S / scene.tick) as u64;
+    let (mut forces, mut modes): (Vec<Vec3>, Vec<Mode>) = (Vec::new(), Vec::new());
+    let mut energy = EnergyBook::default();
+    let end = pipeline::run(scene, |view| {
+        if view.tick >= settled {
+            forces.push(view.force);
+            modes.push(view.report.mode);
+        }
+        energy = *view.energy;
+        progress(view.tick + 1);
+    });
+    let fault = match end {
+        Ok(()) => None,
+        Err(RunError::Fault(fault)) => Some(fault.to_string()),
+        Err(error) => return Err(error),
+    };
+    let mean = forces.iter().map(Vec3::norm).sum::<f64>() / forces.len() as f64;
+    let jump = forces.windows(2).map(|pair| (pair[1] - pair[0]).norm()).fold(0.0, f64::max);
+    let losses = modes.windows(2).filter(|pair| pair[0] != Mode::Free && pair[1] == Mode::Free).count();
+    let switches = modes.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    let slides = scene.contact.law != Law::Sticking;
+    Ok(Felt {
+        fault,
+        mean_force_n: mean,
+        largest_jump_n: jump,
+        jump_relative: jump / mean,
+        power_above_100_hz_n2: power_above(&forces, 1.0 / scene.tick, RIPPLE_HZ),
+        mesh_ripple_relative: slides.then(|| ripple(scene, &forces).map(|amplitude| amplitude / mean)).flatten(),
+        contact_losses: losses as u64,
+        mode_switches_per_s: switches as f64 / (forces.len() as f64 * scene.tick),
+        energy_residual_relative: energy.residual() / energy.absolute_work,
+    })
+}
+
+/// Amplitude of the force's magnitude at the frequency at which the tip passes from edge to edge, N, over
+/// the last whole number of edges; `None` for a tip that does not pass one.
+fn ripple(scene: &Scene, forces: &[Vec3]) -> Option<f64> {
+    let end = scene.tick_count as f64 * scene.tick;
+    let way = scene.path.at(end) - scene.path.at(end - scene.tick);
+    let edges_per_tick = way.norm() / scene.block.spacing;
+    let ticks_per_edge = (1.0 / edges_per_tick).round();
+    if !(ticks_per_edge >= 2.0 && ticks_per_edge <= forces.len() as f64) {
+        return None;
+    }
+    let period = ticks_per_edge as usize;
+    let window = &forces[forces.len() % period..];
+    let mean = window.iter().map(Vec3::norm).sum::<f64>() / window.len() as f64;
+    let (mut cosine, mut sine) = (0.0, 0.0);
+    for (i, force) in window.iter().enumerate() {
+        let phase = std::f64::consts::TAU * i as f64 / ticks_per_edge;
+        cosine += (force.norm() - mean) * phase.cos();
+        sine += (force.norm() - mean) * phase.sin();
+    }
+    Some(2.0 * f64::hypot(cosine, sine) / window.len() as f64)
+}
