@@ -103,4 +103,7 @@ fn main() {
     group.finish();
     criterion.final_summary();
     interleaved::print_ratios(&mut cases, 2000);
+    // The full network is no haptic model.
+    cases.pop();
+    interleaved::print_percentiles(&mut cases, 2000);
 }

@@ -16,7 +16,8 @@ const OPERATOR_TOLERANCE: f64 = 1e-12;
 /// Products of a few closed-form projections. Measured: 2e-15.
 const ROUND_OFF: f64 = 1e-14;
 
-/// A contact point over a few nodes, three of which (or fewer, if some are fixed) carry weight.
+/// A contact point over a few nodes, three of which (or fewer, if some are fixed) carry weight; or, as on
+/// a limit surface, over more nodes that all carry some.
 #[derive(Debug, Clone)]
 struct Case {
     frame: ContactFrame,
@@ -112,7 +113,7 @@ fn weights() -> impl Strategy<Value = [f64; 3]> {
 }
 
 fn case() -> impl Strategy<Value = Case> {
-    (3..6_usize).prop_flat_map(|nodes| {
+    prop_oneof![3..6_usize, 7..14_usize].prop_flat_map(|nodes| {
         let mass = prop::collection::vec((-3.0..3.0_f64).prop_map(|e| 10.0_f64.powf(e)), nodes);
         let vectors = prop::collection::vec(prop::collection::vec(-1.0..1.0_f64, 3 * nodes), 3 * nodes);
         let direction =
@@ -121,13 +122,16 @@ fn case() -> impl Strategy<Value = Case> {
         // Which of the three are fixed; at least one with weight stays free.
         let fixed = prop_oneof![4 => Just([false; 3]), 1 => any::<[bool; 3]>()];
         let rotation = prop::array::uniform3(-3.0..3.0_f64);
-        (mass, vectors, direction, metric, weights(), fixed, rotation, Just(nodes)).prop_filter_map(
+        let weights = if nodes < 6 {
+            weights().prop_map(move |three| [&three[..], &vec![0.0; nodes - 3]].concat()).boxed()
+        } else {
+            let positive = prop::collection::vec(1e-3..1.0_f64, nodes);
+            positive.prop_map(|w| w.iter().map(|x| x / w.iter().sum::<f64>()).collect()).boxed()
+        };
+        (mass, vectors, direction, metric, weights, fixed, rotation).prop_filter_map(
             "a free node that carries weight",
-            |(mass, vectors, normal, metric, three, fixed, rotation, nodes)| {
-                let mut weights = vec![0.0; nodes];
-                for i in 0..3 {
-                    weights[i] = if fixed[i] { 0.0 } else { three[i] };
-                }
+            |(mass, vectors, normal, metric, mut weights, fixed, rotation)| {
+                weights.iter_mut().zip(fixed).filter(|(_, fixed)| *fixed).for_each(|(weight, _)| *weight = 0.0);
                 let s: f64 = weights.iter().map(|w| w * w).sum();
                 let vectors = vectors.into_iter().map(DVector::from_vec).collect();
                 (s > 0.04).then_some(Case { frame: ContactFrame { weights, mass, normal, metric }, vectors, rotation })

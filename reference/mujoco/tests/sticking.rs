@@ -1,8 +1,15 @@
 //! Sticking: the force that holds a contact point is the Lagrange multiplier of the constraint.
 
+use std::sync::Arc;
+
 use stickslip::Vec3;
+use stickslip::contact::law::Law;
 use stickslip::contact::operators::Metric;
+use stickslip::contact::surface::ContactGeometry;
+use stickslip::contact::tick::{ContactRules, LocalSimulation, Scheme, Wall};
+use stickslip::model::local::{LocalModelBuilder, LocalSettings};
 use stickslip::model::network::{ExternalForce, Network};
+use stickslip::model::surface::Surface;
 use stickslip_mujoco::Reference;
 use stickslip_mujoco::mjcf::{PointTendon, TendonConstraint};
 use stickslip_mujoco::residual::{check, largest, must_fail, note};
@@ -88,6 +95,55 @@ fn with_unequal_masses_the_euclidean_metric_does_not() {
         note(&format!("sticking: λ, Euclidean metric, masses ±{percent} %, largest"), error(&reactions));
         must_fail(&format!("sticking: Euclidean metric, masses ±{percent} %"), REACTION, error(&reactions));
     }
+}
+
+/// A tip that stays where it touches: the velocity scheme's force is h G⁻¹W M⁻¹f over h, the multiplier.
+#[test]
+fn the_velocity_scheme_commands_the_multiplier() {
+    let mesh = samples::block().mesh();
+    let network = sample(0.5);
+    let surface = Arc::new(Surface::new(&mesh).expect("a block has a surface"));
+    let rules =
+        ContactRules { law: Law::Sticking, scheme: Scheme::Velocity, wall: Wall { stiffness: 1000.0, damping: 0.0 } };
+    let (mut pushed, mut differences) = (0, Vec::new());
+    for (i, point) in Point::all(&mesh, &network, 1).iter().enumerate() {
+        // At rest in a deformed state, so that nothing but forces moves it.
+        let mut state = samples::state(&network, i as u64, 0.2 * SPACING, 0.0);
+        state.v.fill(Vec3::zeros());
+        let support = point.support();
+        let position: Vec3 = support.map(|(node, weight)| state.x[node] * weight).iter().sum();
+        let normal = point.normal(&state.x);
+        let mut builder =
+            LocalModelBuilder::new(&network, surface.clone(), ContactGeometry::Faceted, LocalSettings::FULL);
+        let (model, local) = builder.build(&network, &state, position, None);
+        let mut simulation = LocalSimulation::new(rules, STEP, model, local);
+        // Through the surface by a nanometre, which the scheme would have follow in one step; its share is
+        // taken off with the same G.
+        let sunk = normal * 1e-9;
+        let report = simulation.tick(position + sunk, position - sunk);
+        let Some(touch) = report.touch else { continue };
+        if (touch.position - position).norm() > 1e-8 * SPACING {
+            continue;
+        }
+        pushed += 1;
+        let nodes = simulation.model().surface.triangle_nodes(touch.point.triangle);
+        let there = Point { nodes, weights: touch.point.weights };
+        let response = there.operators(Metric::Mass, &network).scale();
+        let follow = (position - sunk - touch.position) * (-1.0 / (response * STEP * STEP));
+
+        let support = there.support();
+        let tendons = [Vec3::x(), Vec3::y(), Vec3::z()].map(|direction| PointTendon {
+            support: &support,
+            direction,
+            constraint: TendonConstraint::Equality,
+        });
+        let mut reference = Reference::constrained(&network, STEP, &tendons, 1.0);
+        reference.set_state(&state);
+        let multiplier = -Vec3::from_column_slice(reference.hard_forces().as_slice());
+        differences.push((report.force - follow - multiplier).norm() / multiplier.norm());
+    }
+    assert!(pushed > 10, "{pushed} points are pushed on");
+    check("sticking: force of the velocity scheme", REACTION, largest(differences.into_iter()));
 }
 
 #[test]
