@@ -18,6 +18,7 @@ use crate::contact::tick::{ContactRules, Deformation, Wall};
 use crate::device::instrument::{TipPath, Waypoint};
 use crate::dynamics::global::SyncMode;
 use crate::dynamics::integrators::GlobalIntegrator;
+use crate::model::condensation::{Condensation, FarField, Reach};
 use crate::model::local::{ExteriorKind, Linearization, LocalSettings};
 use crate::model::mesh::{Block, Stencil};
 use crate::model::network::Material;
@@ -320,6 +321,8 @@ impl Checker {
                 ("local.linearization", local.linearization.as_ref().map(Spanned::span)),
                 ("local.exterior", local.exterior.as_ref().map(Spanned::span)),
                 ("local.tangent", local.tangent.as_ref().map(Spanned::span)),
+                ("local.condense_rings", local.condense_rings.as_ref().map(Spanned::span)),
+                ("local.far_field", local.far_field.as_ref().map(Spanned::span)),
             ];
             for (key, span) in unused {
                 self.no_effect(key, span, "`local.model = \"full\"`")?;
@@ -337,16 +340,18 @@ impl Checker {
                 Rings::Count(rings) => Extent::Rings(*rings),
             },
         };
+        let tangent = match local.tangent.as_ref().map(Spanned::get_ref) {
+            None | Some(TangentName::Exact) => TangentKind::Exact,
+            Some(TangentName::Stabilised) => TangentKind::Stabilised,
+        };
+        let condensed = matches!(local.exterior.as_ref().map(Spanned::get_ref), Some(ExteriorName::Condensed));
         let linearization = match local.linearization.as_ref().map(Spanned::get_ref) {
-            None | Some(LinearizationName::Tangent) => {
-                Linearization::Tangent(match local.tangent.as_ref().map(Spanned::get_ref) {
-                    None | Some(TangentName::Exact) => TangentKind::Exact,
-                    Some(TangentName::Stabilised) => TangentKind::Stabilised,
-                })
-            }
+            None | Some(LinearizationName::Tangent) => Linearization::Tangent(tangent),
             Some(LinearizationName::None) => {
-                let span = local.tangent.as_ref().map(Spanned::span);
-                self.no_effect("local.tangent", span, "`local.linearization = \"none\"`")?;
+                if !condensed {
+                    let span = local.tangent.as_ref().map(Spanned::span);
+                    self.no_effect("local.tangent", span, "`local.linearization = \"none\"`")?;
+                }
                 Linearization::None
             }
         };
@@ -357,8 +362,38 @@ impl Checker {
         let exterior = match local.exterior.as_ref().map(Spanned::get_ref) {
             None | Some(ExteriorName::Fixed) => ExteriorKind::Fixed,
             Some(ExteriorName::Drifting) => ExteriorKind::Drifting,
+            Some(ExteriorName::Condensed) => {
+                ExteriorKind::Condensed(Condensation { tangent, reach: self.reach(local, extent)? })
+            }
         };
+        if !condensed {
+            let because = "a `local.exterior` that is not \"condensed\"";
+            self.no_effect("local.condense_rings", local.condense_rings.as_ref().map(Spanned::span), because)?;
+            self.no_effect("local.far_field", local.far_field.as_ref().map(Spanned::span), because)?;
+        }
         Ok(LocalSettings { extent, linearization, exterior })
+    }
+
+    /// How much of a condensed exterior follows.
+    fn reach(&self, local: &LocalTable, extent: Extent) -> Placed<Reach> {
+        let far_field = match local.far_field.as_ref().map(Spanned::get_ref) {
+            None | Some(FarFieldName::Fixed) => FarField::Fixed,
+            Some(FarFieldName::Coarse) => FarField::Coarse,
+        };
+        match local.condense_rings.as_ref().map(|rings| (rings.get_ref(), rings.span())) {
+            None | Some((Rings::Named(AllName::All), _)) => {
+                let span = local.far_field.as_ref().map(Spanned::span);
+                self.no_effect("local.far_field", span, "`local.condense_rings = \"all\"`")?;
+                Ok(Reach::All)
+            }
+            Some((&Rings::Count(rings), span)) => match extent {
+                Extent::Rings(patch) if rings <= patch => {
+                    let value = format!("{rings}: the patch has {patch} rings, so nothing near it would follow");
+                    Err(self.error(Problem::NotAccepted { key: "local.condense_rings", value }, span))
+                }
+                Extent::Rings(_) | Extent::All => Ok(Reach::Rings { rings, far_field }),
+            },
+        }
     }
 
     fn contact(&self, table: &Spanned<ContactTable>) -> Placed<ContactRules> {
