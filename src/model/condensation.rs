@@ -253,34 +253,24 @@ struct Group {
 impl Plan {
     fn new(network: &Network, patch: &Patch, reach: Reach, grid: Option<&Grid>) -> Self {
         let mut points = Points::new(network, patch, reach, grid);
-        let mut springs: Vec<([Role; 2], Spring)> = network
-            .springs
-            .iter()
-            .map(|spring| (spring.nodes.map(|node| points.role[node as usize]), spring))
-            .filter(|(roles, _)| roles.iter().any(|&role| points.is_exterior(role)))
-            .collect();
-        springs.sort_unstable_by_key(|&([a, b], spring)| (a.min(b), a.max(b), spring.nodes));
-        let by_roles = |a: &([Role; 2], Spring), b: &([Role; 2], Spring)| {
-            let sorted = |[a, b]: [Role; 2]| (a.min(b), a.max(b));
-            sorted(a.0) == sorted(b.0)
-        };
-
         let exterior = points.exterior;
-        let within = |lists: Vec<Vec<u32>>| {
-            let of_exterior =
-                move |list: Vec<u32>| list.into_iter().filter(move |&point| (point as usize) < exterior).collect();
-            Couplings::new(exterior, lists.into_iter().map(of_exterior).flat_map(pairs))
-        };
-        let lists = |points: &Points| springs.chunk_by(by_roles).map(|group| points.of(group[0].0)).collect::<Vec<_>>();
-        let order = nested_dissection(&points.positions, &within(lists(&points)));
+        let mut springs: Vec<Spring> =
+            network.springs.iter().filter(|spring| points.are_exterior(spring.nodes)).collect();
+        springs.sort_by_key(|spring| points.roles(spring.nodes));
+
+        let within_exterior = lists(&points, &springs).map(|mut list| {
+            list.retain(|&point| (point as usize) < exterior);
+            list
+        });
+        let couplings = Couplings::new(exterior, within_exterior.flat_map(pairs));
+        let order = nested_dissection(&points.positions, &couplings);
         points.renumber(&order);
 
-        let elimination = Elimination::new(exterior, patch.len(), lists(&points).into_iter().flat_map(pairs));
+        let elimination = Elimination::new(exterior, patch.len(), lists(&points, &springs).flat_map(pairs));
         let (mut groups, mut weights, mut places) = (Vec::new(), Vec::new(), Vec::new());
-        for group in springs.chunk_by(by_roles) {
-            let list = points.of(group[0].0);
+        for (group, list) in grouped(&points, &springs).zip(lists(&points, &springs)) {
             groups.push(Group { points: list.len(), springs: group.len() });
-            for (_, spring) in group {
+            for spring in group {
                 let [i, j] = spring.nodes;
                 let first = weights.len();
                 weights.resize(first + list.len(), 0.0);
@@ -296,8 +286,8 @@ impl Plan {
             centre: patch.centre,
             nodes: points.nodes,
             vertices: exterior - points.nodes,
-            scale: springs.iter().map(|(_, spring)| spring.stiffness).fold(f64::MIN_POSITIVE, f64::max),
-            springs: springs.into_iter().map(|(_, spring)| spring).collect(),
+            scale: springs.iter().map(|spring| spring.stiffness).fold(f64::MIN_POSITIVE, f64::max),
+            springs,
             elimination,
             groups,
             weights,
@@ -360,6 +350,16 @@ impl Plan {
     }
 }
 
+/// Springs whose ends have the same roles: those that are sorted by them, cut apart.
+fn grouped<'a>(points: &'a Points, springs: &'a [Spring]) -> impl Iterator<Item = &'a [Spring]> {
+    springs.chunk_by(|a, b| points.roles(a.nodes) == points.roles(b.nodes))
+}
+
+/// The points of each group.
+fn lists<'a>(points: &'a Points, springs: &'a [Spring]) -> impl Iterator<Item = Vec<u32>> {
+    grouped(points, springs).map(|group| points.of(group[0].nodes))
+}
+
 /// Every pair of a list, a point with itself included, in the order of the list.
 fn pairs(list: Vec<u32>) -> impl Iterator<Item = [u32; 2]> {
     let count = list.len();
@@ -413,12 +413,19 @@ impl<'a> Points<'a> {
         Self { network, grid, role, exterior, nodes, positions, vertex_point }
     }
 
-    fn is_exterior(&self, role: Role) -> bool {
-        match role {
-            Role::Point(point) => (point as usize) < self.exterior,
+    /// What two nodes do, in whatever order.
+    fn roles(&self, nodes: [u32; 2]) -> [Role; 2] {
+        let [a, b] = nodes.map(|node| self.role[node as usize]);
+        [a.min(b), a.max(b)]
+    }
+
+    /// Whether one of two nodes follows the patch.
+    fn are_exterior(&self, nodes: [u32; 2]) -> bool {
+        self.roles(nodes).iter().any(|role| match role {
+            Role::Point(point) => (*point as usize) < self.exterior,
             Role::Cell(_) => true,
             Role::Held => false,
-        }
+        })
     }
 
     /// Puts the exterior's points into an order.
@@ -438,11 +445,11 @@ impl<'a> Points<'a> {
         self.vertex_point.iter_mut().flatten().for_each(renumber);
     }
 
-    /// The points that move one of two ends, ascending.
-    fn of(&self, ends: [Role; 2]) -> Vec<u32> {
+    /// The points that move one of two nodes, ascending.
+    fn of(&self, nodes: [u32; 2]) -> Vec<u32> {
         let mut points = Vec::with_capacity(2);
-        for end in ends {
-            match (end, self.grid) {
+        for role in self.roles(nodes) {
+            match (role, self.grid) {
                 (Role::Point(point), _) => points.push(point),
                 (Role::Cell(cell), Some(grid)) => {
                     points
