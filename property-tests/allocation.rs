@@ -52,9 +52,13 @@ fn tip(tick: u64) -> Vec3 {
 #[test]
 fn a_hundred_thousand_ticks_allocate_nothing() {
     for law in ["\"sliding\"", "\"sticking\"", "\"stick-slip\"\nfriction = 0.3"] {
-        for (surface, local) in
-            [("faceted", "rings = 1"), ("shaded", "linearization = \"none\""), ("shaded", "exterior = \"drifting\"")]
-        {
+        for (surface, local) in [
+            ("faceted", "rings = 1"),
+            ("shaded", "linearization = \"none\""),
+            ("shaded", "exterior = \"drifting\""),
+            ("shaded", "exterior = \"condensed\""),
+            ("shaded", "exterior = \"condensed\"\nlinearization = \"none\"\ntangent = \"stabilised\""),
+        ] {
             let scene = Scene::parse(
                 &format!(
                     "name = 'allocation'\nduration = 1.0\n[mesh]\nnodes = [7, 7, 4]\nspacing = 0.01\n[material]\n\

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 use stickslip::Vec3;
+use stickslip::device::instrument::{TipPath, Waypoint};
 use stickslip::model::condensation::{Condensation, Condensed, Condenser, FarField, Outcome, Reach};
 use stickslip::model::local::{ExteriorKind, Linearization, LocalModelBuilder, LocalSettings};
 use stickslip::model::mesh::{Block, Mesh, Stencil};
@@ -15,7 +16,7 @@ use stickslip::model::springs::{Spring, TangentKind};
 use stickslip::model::surface::Surface;
 use stickslip::pipeline;
 
-use crate::check::{PRESS_AND_DRAG, Worst, relative_rms, run, runner, scene, small_scene};
+use crate::check::{PRESS_AND_DRAG, Worst, relative_rms, run, runner, shipped, small_scene};
 
 /// C against dense LU: round-off times the condition of K_EE, at most 1e4 for these blocks.
 /// Measured: 1e-13.
@@ -117,10 +118,10 @@ fn distance(a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
 #[test]
 fn c_is_the_dense_schur_complement() {
     let worst = Worst::new("nalgebra, dense LU", "C of a condensed exterior, relative", SAME_MATRIX);
-    let cases = (3..6_usize, 3..7_usize, 3..5_usize, 0.0..1.5e-3_f64, 0.5..2.0_f64, 1..3_u32, prop::bool::ANY);
+    let cases = (5..7_usize, 4..7_usize, 3..5_usize, 0.0..1.5e-3_f64, 0.5..2.0_f64, 1..3_u32, prop::bool::ANY);
     let result = runner(24).run(&cases, |(nx, ny, nz, noise, seed, rings, full)| {
         let stencil = if full { Stencil::Full } else { Stencil::Shear };
-        let case = Case::new([nx, ny, nz], stencil, noise, Vec3::new(0.01, -0.004, 0.0), rings, seed);
+        let case = Case::new([nx, ny, nz], stencil, noise, Vec3::new(0.02, -0.004, 0.0), rings, seed);
         let condensed = case.condense(ALL_STABILISED);
         prop_assert_eq!(condensed.outcome, Outcome::AsAsked);
         let c = stiffness(condensed);
@@ -325,7 +326,7 @@ fn an_exterior_without_hold_stays_fixed() {
     mesh.edges.push([count as u32, count as u32 + 1]);
     let apart = Case::of(mesh.clone(), fixed(2), 0.0, Vec3::zeros(), 1, 1.0);
     let condensed = apart.condense(ALL_EXACT);
-    assert_eq!((condensed.outcome, condensed.size.nodes), (Outcome::AsAsked, 0));
+    assert_eq!((condensed.outcome, condensed.size.nodes), (Outcome::AsAsked, apart.exterior().len() - 2));
 
     // On the patch, by one spring: nothing holds it across.
     mesh.edges.push([26, count as u32]);
@@ -377,7 +378,8 @@ fn a_kept_plan_gives_what_a_fresh_one_gives() {
 #[test]
 fn a_condensed_exterior_comes_closer_to_the_full_network() {
     let scene = |local: &str| {
-        small_scene("law = \"sticking\"\nsurface = \"shaded\"\ndeformation = \"least-norm\"", local, PRESS_AND_DRAG)
+        let contact = "law = \"sliding\"\nsurface = \"shaded\"\ndeformation = \"least-norm\"";
+        small_scene(contact, local, PRESS_AND_DRAG)
     };
     let reference = run(&scene("model = \"full\"")).force;
     let error = |local: &str| {
@@ -402,31 +404,17 @@ fn a_condensed_exterior_comes_closer_to_the_full_network() {
     }
 }
 
-/// A run in which models fall back says so.
+/// A run in which models fall back says so: sticking, drawn on over 50 mm.
 #[test]
 fn falling_back_is_counted_in_a_run() {
-    let scene = scene(
-        r#"
-        name = "buckled"
-        duration = 0.5
-        [mesh]
-        nodes = [5, 5, 3]
-        spacing = 0.0125
-        [material]
-        node_mass = 0.01
-        stiffness = 100.0
-        damping = 0.5
-        [local]
-        exterior = "condensed"
-        [contact]
-        law = "sliding"
-        [instrument]
-        waypoints = [[0.0, 0.0, 0.0013, 0.001], [0.3, 0.0, 0.0013, -0.016]]
-        "#,
-    );
+    let mut scene = shipped("deep-sticking");
+    scene.local.exterior = ExteriorKind::Condensed(ALL_EXACT);
+    let far = [[0.0, -0.03, 0.0013, 0.002], [0.2, -0.03, 0.0013, -0.006], [1.2, 0.02, 0.0013, -0.006]];
+    let waypoints = far.map(|[time, x, y, z]| Waypoint { time, position: Vec3::new(x, y, z) });
+    scene.path = TipPath::new(waypoints.to_vec()).expect("ascending times");
     let mut counts = None;
+    // That it may end in a fault is not the point.
     let _ = pipeline::run(&scene, |view| counts = view.condensation);
     let counts = counts.expect("the exterior is condensed");
-    println!("{counts}");
-    assert!(counts.stabilised > 0 && counts.stabilised < counts.models, "{counts}");
+    assert!(counts.stabilised > 0 && counts.indefinite > 0 && counts.models == 12, "{counts}");
 }
