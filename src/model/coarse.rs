@@ -9,6 +9,8 @@ pub struct Grid {
     origin: Vec3,
     cell: Vec3,
     cells: [usize; 3],
+    /// Of each node, its cell and the weights of the cell's corners.
+    places: Vec<(u32, [f64; CORNERS])>,
 }
 
 /// Nodes this close to a face of their cell, as a share of its length, lie on it.
@@ -25,11 +27,17 @@ impl Grid {
         let extent = high - low;
         let cells = [0, 1, 2].map(|axis| ((extent[axis] / size).round() as usize).max(1));
         let cell = Vec3::from_fn(|axis, _| extent[axis] / cells[axis] as f64);
-        Self { origin: low, cell, cells }
+        let mut grid = Self { origin: low, cell, cells, places: Vec::new() };
+        grid.places = rest.iter().map(|&x| grid.locate(x)).collect();
+        grid
     }
 
-    /// The cell that a place lies in, and the trilinear weights of its corners there.
-    pub fn locate(&self, place: Vec3) -> (usize, [f64; CORNERS]) {
+    /// The cell that a node lies in, and the trilinear weights of its corners there.
+    pub fn place(&self, node: u32) -> (u32, [f64; CORNERS]) {
+        self.places[node as usize]
+    }
+
+    fn locate(&self, place: Vec3) -> (u32, [f64; CORNERS]) {
         let mut index = [0; 3];
         let mut share = [0.0; 3];
         for axis in 0..3 {
@@ -47,12 +55,12 @@ impl Grid {
             along(0) * along(1) * along(2)
         };
         let cell = (index[2] * self.cells[1] + index[1]) * self.cells[0] + index[0];
-        (cell, std::array::from_fn(weight))
+        (cell as u32, std::array::from_fn(weight))
     }
 
     /// The vertices at the corners of a cell.
-    pub fn corners(&self, cell: usize) -> [usize; CORNERS] {
-        let [nx, ny, _] = self.cells;
+    pub fn corners(&self, cell: u32) -> [usize; CORNERS] {
+        let ([nx, ny, _], cell) = (self.cells, cell as usize);
         let index = [cell % nx, cell / nx % ny, cell / (nx * ny)];
         std::array::from_fn(|corner| {
             let [i, j, k] = [0, 1, 2].map(|axis| index[axis] + (corner >> axis & 1));
@@ -83,8 +91,8 @@ mod tests {
             (0..60).map(|i| Vec3::new((1.3 * f64::from(i)).sin(), 2.0 * (0.7 * f64::from(i)).cos(), 0.0)).collect();
         let grid = Grid::new(&rest, 0.4);
         let field = |x: Vec3| 3.0 * x.x - 2.0 * x.y + 0.5;
-        for &x in &rest {
-            let (cell, weights) = grid.locate(x);
+        for (&x, node) in rest.iter().zip(0..) {
+            let (cell, weights) = grid.place(node);
             let sum: f64 =
                 grid.corners(cell).iter().zip(weights).map(|(&vertex, w)| w * field(grid.position(vertex))).sum();
             assert!((sum - field(x)).abs() < 1e-13, "{sum} at {x:?}");

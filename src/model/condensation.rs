@@ -7,11 +7,12 @@
 //! grid.
 
 use std::fmt;
+use std::sync::Arc;
 
 use nalgebra::{Cholesky, DMatrix};
 use serde::Serialize;
 
-use super::coarse::Grid;
+use super::coarse::{CORNERS, Grid};
 use super::elimination::{BlockPlace, Couplings, Elimination, FactorCost, NotDefinite, nested_dissection};
 use super::network::Network;
 use super::patch::Patch;
@@ -129,7 +130,7 @@ pub struct CondensedSize {
 #[derive(Debug, Clone)]
 pub struct Condenser {
     settings: Condensation,
-    grid: Option<Grid>,
+    grid: Option<Arc<Grid>>,
     plan: Option<Plan>,
     values: Vec<f64>,
     factor: Vec<f64>,
@@ -141,7 +142,7 @@ impl Condenser {
     pub fn new(network: &Network, settings: Condensation) -> Self {
         let grid = match settings.reach {
             Reach::Rings { far_field: FarField::Coarse, .. } => {
-                Some(Grid::new(&network.rest, COARSENING * mean_shortest_spring(network)))
+                Some(Arc::new(Grid::new(&network.rest, COARSENING * mean_shortest_spring(network))))
             }
             Reach::Rings { far_field: FarField::Fixed, .. } | Reach::All => None,
         };
@@ -153,7 +154,7 @@ impl Condenser {
     pub fn condense(&mut self, network: &Network, patch: &Patch, x: &[Vec3]) -> Condensed {
         let plan = match self.plan.take() {
             Some(plan) if plan.is_for(patch) => plan,
-            _ => Plan::new(network, patch, self.settings.reach, self.grid.as_ref()),
+            _ => Plan::new(network, patch, self.settings.reach, self.grid.as_deref()),
         };
         let mut with = |kind| plan.condense(x, kind, &mut self.values, &mut self.factor);
         let asked = self.settings.tangent;
@@ -256,7 +257,7 @@ impl Plan {
         let exterior = points.exterior;
         let mut springs: Vec<Spring> =
             network.springs.iter().filter(|spring| points.are_exterior(spring.nodes)).collect();
-        springs.sort_by_key(|spring| points.roles(spring.nodes));
+        springs.sort_by_cached_key(|spring| points.roles(spring.nodes));
 
         let within_exterior = lists(&points, &springs).map(|mut list| {
             list.retain(|&point| (point as usize) < exterior);
@@ -270,12 +271,17 @@ impl Plan {
         let (mut groups, mut weights, mut places) = (Vec::new(), Vec::new(), Vec::new());
         for (group, list) in grouped(&points, &springs).zip(lists(&points, &springs)) {
             groups.push(Group { points: list.len(), springs: group.len() });
+            let roles = points.roles(group[0].nodes);
+            let columns = roles.map(|role| points.columns(role, &list));
             for spring in group {
-                let [i, j] = spring.nodes;
                 let first = weights.len();
                 weights.resize(first + list.len(), 0.0);
-                points.add_weights(j, 1.0, &list, &mut weights[first..]);
-                points.add_weights(i, -1.0, &list, &mut weights[first..]);
+                for (node, sign) in spring.nodes.into_iter().zip([-1.0, 1.0]) {
+                    let columns = &columns[usize::from(points.role[node as usize] != roles[0])];
+                    for (column, share) in columns.iter().zip(points.shares(node)) {
+                        column.iter().for_each(|at| weights[first + at] += sign * share);
+                    }
+                }
             }
             let in_patch = |point: u32| point as usize >= exterior;
             places.extend(pairs(list).map(|[column, row]| (!in_patch(column)).then(|| elimination.place(row, column))));
@@ -368,7 +374,6 @@ fn pairs(list: Vec<u32>) -> impl Iterator<Item = [u32; 2]> {
 
 /// The points of a condensed system, those of the exterior first, then the patch's slots.
 struct Points<'a> {
-    network: &'a Network,
     grid: Option<&'a Grid>,
     role: Vec<Role>,
     /// Number of the exterior's points, and of those that are nodes.
@@ -380,7 +385,7 @@ struct Points<'a> {
 }
 
 impl<'a> Points<'a> {
-    fn new(network: &'a Network, patch: &Patch, reach: Reach, grid: Option<&'a Grid>) -> Self {
+    fn new(network: &Network, patch: &Patch, reach: Reach, grid: Option<&'a Grid>) -> Self {
         let near = match reach {
             Reach::All => vec![true; network.node_count()],
             Reach::Rings { rings, .. } => within(network, patch.centre, rings),
@@ -396,8 +401,8 @@ impl<'a> Points<'a> {
         let nodes = positions.len();
         if let Some(grid) = grid {
             for &node in following.iter().filter(|&&node| !near[node as usize]) {
-                let (cell, weights) = grid.locate(network.rest[node as usize]);
-                role[node as usize] = Role::Cell(cell as u32);
+                let (cell, weights) = grid.place(node);
+                role[node as usize] = Role::Cell(cell);
                 for (vertex, _) in grid.corners(cell).into_iter().zip(weights).filter(|&(_, weight)| weight != 0.0) {
                     vertex_point[vertex].get_or_insert_with(|| {
                         positions.push(grid.position(vertex));
@@ -410,7 +415,7 @@ impl<'a> Points<'a> {
         for (&node, point) in patch.nodes.iter().zip(exterior as u32..) {
             role[node as usize] = Role::Point(point);
         }
-        Self { network, grid, role, exterior, nodes, positions, vertex_point }
+        Self { grid, role, exterior, nodes, positions, vertex_point }
     }
 
     /// What two nodes do, in whatever order.
@@ -452,8 +457,7 @@ impl<'a> Points<'a> {
             match (role, self.grid) {
                 (Role::Point(point), _) => points.push(point),
                 (Role::Cell(cell), Some(grid)) => {
-                    points
-                        .extend(grid.corners(cell as usize).into_iter().filter_map(|vertex| self.vertex_point[vertex]));
+                    points.extend(grid.corners(cell).into_iter().filter_map(|vertex| self.vertex_point[vertex]));
                 }
                 (Role::Held, _) | (Role::Cell(_), None) => {}
             }
@@ -463,22 +467,23 @@ impl<'a> Points<'a> {
         points
     }
 
-    /// Adds how far a node moves with each of some points, of which it knows its own.
-    fn add_weights(&self, node: u32, sign: f64, points: &[u32], weights: &mut [f64]) {
-        let mut add = |point: u32, weight: f64| {
-            if let Ok(at) = points.binary_search(&point) {
-                weights[at] += sign * weight;
+    /// Where the points that move a node of this role are in a list of points.
+    fn columns(&self, role: Role, list: &[u32]) -> [Option<usize>; CORNERS] {
+        let column = |point: u32| list.binary_search(&point).ok();
+        match (role, self.grid) {
+            (Role::Point(point), _) => std::array::from_fn(|i| if i == 0 { column(point) } else { None }),
+            (Role::Cell(cell), Some(grid)) => {
+                grid.corners(cell).map(|vertex| self.vertex_point[vertex].and_then(column))
             }
-        };
+            (Role::Held, _) | (Role::Cell(_), None) => [None; CORNERS],
+        }
+    }
+
+    /// How far a node moves with each of these.
+    fn shares(&self, node: u32) -> [f64; CORNERS] {
         match (self.role[node as usize], self.grid) {
-            (Role::Point(point), _) => add(point, 1.0),
-            (Role::Cell(_), Some(grid)) => {
-                let (cell, shares) = grid.locate(self.network.rest[node as usize]);
-                for (vertex, share) in grid.corners(cell).into_iter().zip(shares) {
-                    self.vertex_point[vertex].into_iter().for_each(|point| add(point, share));
-                }
-            }
-            (Role::Held, _) | (Role::Cell(_), None) => {}
+            (Role::Cell(_), Some(grid)) => grid.place(node).1,
+            (Role::Point(_) | Role::Held, _) | (Role::Cell(_), None) => [1.0; CORNERS],
         }
     }
 }

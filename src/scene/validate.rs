@@ -40,6 +40,22 @@ const BYTES_PER_SPRING: u128 = 300;
 /// Bytes per tick: what the summary and the plot keep, twice, and the spectrum's buffers.
 const BYTES_PER_TICK: u128 = 256;
 
+/// Bytes of a condensed exterior per point to the power of 4/3, the growth of a factor under nested
+/// dissection in three dimensions: 900 of blocks of 1,000 to 10,000 nodes, matrix and pattern included.
+const BYTES_PER_FACTOR_POINT: f64 = 1200.0;
+
+/// What a condensed exterior takes of a mesh of so many nodes.
+fn factor_bytes(reach: Reach, nodes: u128) -> u128 {
+    let near = |rings: u32| nodes.min((2 * u128::from(rings) + 1).saturating_pow(3));
+    let points = match reach {
+        Reach::All => nodes,
+        Reach::Rings { rings, far_field: FarField::Fixed } => near(rings),
+        // A vertex of the coarse grid for four nodes in every direction.
+        Reach::Rings { rings, far_field: FarField::Coarse } => near(rings).saturating_add(nodes.div_ceil(16)),
+    };
+    (BYTES_PER_FACTOR_POINT * (points as f64).powf(4.0 / 3.0)) as u128
+}
+
 type Placed<T> = Result<T, SceneError>;
 
 pub(super) fn scene(text: &str, path: &Path) -> Placed<Scene> {
@@ -223,10 +239,15 @@ impl Checker {
             Extent::All => 0,
             Extent::Rings(_) => patch.saturating_mul(u128::from(ticks.min(cycle_ticks)) + 1).saturating_mul(2 * 24),
         };
+        let factor = match local.exterior {
+            ExteriorKind::Fixed | ExteriorKind::Drifting => 0,
+            ExteriorKind::Condensed(condensation) => factor_bytes(condensation.reach, nodes),
+        };
         let needed = nodes
             .saturating_mul(BYTES_PER_NODE)
             .saturating_add(springs.saturating_mul(BYTES_PER_SPRING))
             .saturating_add(matrix)
+            .saturating_add(factor)
             .saturating_add(recorded)
             .saturating_add(u128::from(ticks) * BYTES_PER_TICK);
         let mut system = sysinfo::System::new();
