@@ -388,6 +388,18 @@ fn an_exterior_without_hold_stays_fixed() {
     assert_eq!(condenser.counts().held, 1);
 }
 
+/// A state that has run away builds a model all the same; the fail-safe then sees the state.
+#[test]
+fn a_state_that_is_not_finite_does_not_stop_the_cycle() {
+    for wrong in [f64::NAN, f64::INFINITY, 1e200] {
+        let mut case = Case::new([5, 5, 4], Stencil::Shear, 0.0, Vec3::zeros(), 1, 1.3);
+        case.x[40].y = wrong;
+        let condensed = case.condense(ALL_EXACT);
+        let finite = condensed.stiffness.is_none_or(|c| c.iter().all(|c| c.is_finite()));
+        assert!(finite, "{wrong}: {:?}", condensed.outcome);
+    }
+}
+
 /// A body that nothing holds: the exterior follows the patch, and moving both costs nothing.
 #[test]
 fn a_free_body_moves_as_a_whole() {
