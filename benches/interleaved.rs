@@ -8,27 +8,6 @@ const ROUNDS: usize = 60;
 /// A name, and what is timed.
 pub type Case = (&'static str, Box<dyn FnMut()>);
 
-/// Times every single call of each case, the cases in turn, and prints percentiles. Reading the clock
-/// takes some 30 ns of each.
-pub fn print_percentiles(cases: &mut [Case], calls: usize) {
-    let mut times = vec![Vec::with_capacity(ROUNDS * calls); cases.len()];
-    for _ in 0..ROUNDS {
-        for ((_, case), times) in cases.iter_mut().zip(&mut times) {
-            for _ in 0..calls {
-                let start = Instant::now();
-                case();
-                times.push(start.elapsed().as_nanos());
-            }
-        }
-    }
-    println!("\n{:<50} {:>9} {:>9} {:>9} {:>9}", "single calls, ns", "p50", "p99", "p99.9", "max");
-    for ((name, _), times) in cases.iter().zip(&mut times) {
-        times.sort_unstable();
-        let at = |share: f64| times[((times.len() - 1) as f64 * share) as usize];
-        println!("{name:<50} {:>9} {:>9} {:>9} {:>9}", at(0.5), at(0.99), at(0.999), at(1.0));
-    }
-}
-
 /// Times `calls` calls of each case in turn and prints medians and quartiles of the ratio to the
 /// first.
 pub fn print_ratios(cases: &mut [Case], calls: u32) {

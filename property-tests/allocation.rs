@@ -58,6 +58,8 @@ fn a_hundred_thousand_ticks_allocate_nothing() {
             ("shaded", "velocity", "exterior = \"drifting\""),
             ("subdivision", "geometric", "rings = 1"),
             ("subdivision", "velocity", "rings = 1"),
+            ("shaded", "geometric", "exterior = \"condensed\""),
+            ("shaded", "geometric", "exterior = \"condensed\"\nlinearization = \"none\"\ntangent = \"stabilised\""),
         ] {
             let scene = Scene::parse(
                 &format!(

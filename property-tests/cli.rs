@@ -5,6 +5,7 @@ mod baselines;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
+use stickslip::scene::SHIPPED;
 
 use assert_cmd::Command;
 
@@ -91,6 +92,36 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
     ("a spacing that underflows", "spacing = 0.0125", "spacing = 1e-200", &["mesh.spacing", "1e-6"]),
     ("waypoints too far apart", "[1.2, 0.02", "[1.2, 1e308", &["instrument.waypoints", "not finite"]),
     ("a dense matrix too large", "nodes = [9, 9, 4]", "nodes = [100, 100, 10]", &["MiB"]),
+    (
+        "a tangent without one",
+        "linearization = \"tangent\"",
+        "linearization = \"none\"\ntangent = \"exact\"",
+        &["local.tangent", "no effect"],
+    ),
+    (
+        "condensing without",
+        "exterior = \"fixed\"",
+        "exterior = \"fixed\"\ncondense_rings = 4",
+        &["local.condense_rings", "no effect"],
+    ),
+    (
+        "condensing within the patch",
+        "exterior = \"fixed\"",
+        "exterior = \"condensed\"\ncondense_rings = 1",
+        &["local.condense_rings", "above `rings`"],
+    ),
+    (
+        "a far field without",
+        "exterior = \"fixed\"",
+        "exterior = \"drifting\"\nfar_field = \"coarse\"",
+        &["local.far_field", "no effect"],
+    ),
+    (
+        "a far field of none",
+        "exterior = \"fixed\"",
+        "exterior = \"condensed\"\nfar_field = \"coarse\"",
+        &["local.far_field", "no effect", "condense_rings"],
+    ),
     ("rates that do not fit", "rate = 10.0 ", "rate = 30.0 ", &["whole multiple"]),
     ("no rings", "rings = 1", "rings = 0", &["local.rings"]),
     ("half a ring", "rings = 1", "rings = 1.5", &["local.rings"]),
@@ -249,13 +280,16 @@ fn the_report_is_one_page_that_needs_nothing_else() {
     let output = stickslip(&["report", "--out", &out.display().to_string()]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let page = fs::read_to_string(out.join("index.html")).expect("a page");
-    assert_eq!(page.matches("<svg").count(), 7);
+    // A figure per scene, and one for the contact surfaces.
+    assert_eq!(page.matches("<svg").count(), SHIPPED.len() + 1);
     for outside in ["src=", "href=", "@import", "url("] {
         assert!(!page.contains(outside), "{outside}");
     }
     let json: serde_json::Value =
         serde_json::from_str(&fs::read_to_string(out.join("report.json")).expect("JSON")).expect("JSON");
-    assert_eq!(json["runs"].as_array().expect("runs").len(), 7);
+    assert_eq!(json["runs"].as_array().expect("runs").len(), SHIPPED.len());
+    // Three laws, three surfaces, two schemes, two meshes.
+    assert_eq!(json["surfaces"].as_array().expect("surfaces").len(), 36);
     let table = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(table.contains("fault, as expected") && !table.contains("UNEXPECTED"), "{table}");
 }

@@ -15,6 +15,7 @@ use crate::dynamics::energy::EnergyBook;
 use crate::dynamics::global::{
     CycleMessage, CycleSettings, GlobalSimulation, Keep, ModelMessage, SyncMode, Trajectory,
 };
+use crate::model::condensation::CondensationCounts;
 use crate::model::local::LocalModelBuilder;
 use crate::model::network::Network;
 use crate::model::patch::Extent;
@@ -56,6 +57,8 @@ pub struct TickView<'a> {
     pub energy: &'a EnergyBook,
     /// What both sides have computed so far.
     pub work: WorkCounts,
+    /// What became of the exterior in the models so far, if it is condensed.
+    pub condensation: Option<CondensationCounts>,
 }
 
 /// A scene put together, ready to run.
@@ -202,6 +205,7 @@ impl Simulation {
                 model_age,
                 energy: &energy,
                 work: local.state().work + self.global.work(),
+                condensation: self.global.condensation(),
             });
             tip_before = tip;
         }

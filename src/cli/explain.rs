@@ -8,6 +8,7 @@ use super::{PASS, load, say};
 use crate::dynamics::global::SyncMode;
 use crate::dynamics::integrators::GlobalIntegrator;
 use crate::dynamics::stability::{StepLimit, explicit_step_limit};
+use crate::model::condensation::Outcome;
 use crate::model::local::Linearization;
 use crate::pipeline::Simulation;
 use crate::scene::Scene;
@@ -39,7 +40,8 @@ struct Sizes {
 
 #[derive(Serialize)]
 struct TickCost {
-    /// Rows and columns of [K D], if the forces are linear.
+    /// Rows and columns of [K D] if the forces are linear, of C if they are springs and the exterior
+    /// is condensed.
     matrix: Option<[usize; 2]>,
     /// Springs evaluated, if they are not.
     springs: Option<usize>,
@@ -50,6 +52,17 @@ struct CycleCost {
     force_evaluations: u32,
     springs: usize,
     new_models: u32,
+    /// Of the first model.
+    condensation: Option<CondensationCost>,
+}
+
+#[derive(Serialize)]
+struct CondensationCost {
+    outcome: &'static str,
+    nodes: usize,
+    coarse_vertices: usize,
+    factor_entries: u64,
+    factor_multiply_adds: u64,
 }
 
 #[derive(Serialize)]
@@ -108,8 +121,13 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
     };
     let linear = matches!(scene.local.linearization, Linearization::Tangent(_));
     let columns = if patch.springs.is_damped() || scene.material.drag != 0.0 { 6 } else { 3 };
+    let condenses = model.condensation.is_some_and(|(outcome, _)| outcome != Outcome::Held);
     let cost_per_tick = TickCost {
-        matrix: linear.then_some([3 * patch.len(), columns * patch.len()]),
+        matrix: if linear {
+            Some([3 * patch.len(), columns * patch.len()])
+        } else {
+            condenses.then_some([3 * patch.len(); 2])
+        },
         springs: (!linear).then_some(patch.springs.len()),
     };
     let stages = match scene.global.integrator {
@@ -123,6 +141,17 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
         force_evaluations: evaluations,
         springs: network.springs.len(),
         new_models: u32::from(!scene.is_full),
+        condensation: model.condensation.map(|(outcome, size)| CondensationCost {
+            outcome: match outcome {
+                Outcome::AsAsked => "as asked",
+                Outcome::Stabilised => "stabilised: it is indefinite with the exact tangent",
+                Outcome::Held => "held: it can move without a force",
+            },
+            nodes: size.nodes,
+            coarse_vertices: size.vertices,
+            factor_entries: size.factor.entries,
+            factor_multiply_adds: size.factor.multiply_adds,
+        }),
     };
 
     let drag = scene.material.drag;
@@ -198,18 +227,34 @@ fn text(e: &Explanation) -> String {
     line("\nLeft out".to_owned());
     e.left_out.iter().for_each(|part| line(format!("  - {part}")));
     line("\nCost per tick".to_owned());
-    if let Some([rows, columns]) = e.cost_per_tick.matrix {
-        line(format!("  one {rows} × {columns} matrix–vector product ({} multiply–adds)", rows * columns));
-    }
-    if let Some(springs) = e.cost_per_tick.springs {
-        line(format!("  {springs} springs, twice in contact"));
+    let product = |[rows, columns]: [usize; 2]| {
+        format!("one {rows} × {columns} matrix–vector product ({} multiply–adds)", rows * columns)
+    };
+    match (e.cost_per_tick.matrix.map(product), e.cost_per_tick.springs) {
+        (Some(product), Some(springs)) => line(format!("  {springs} springs and {product}, twice in contact")),
+        (Some(product), None) => line(format!("  {product}")),
+        (None, springs) => line(format!("  {} springs, twice in contact", springs.unwrap_or(0))),
     }
     line("  free: the triangles near the tip, found in a tree of boxes; in contact: the one below it".to_owned());
     line("\nCost per global cycle".to_owned());
-    let CycleCost { force_evaluations, springs, new_models } = e.cost_per_cycle;
+    let CycleCost { force_evaluations, springs, new_models, condensation } = &e.cost_per_cycle;
     line(format!("  {force_evaluations} evaluations of {springs} springs, {new_models} new local model"));
+    if let Some(cost) = condensation {
+        line(format!(
+            "  condensing {} exterior nodes and {} coarse ones: a factor of {} entries, {} million multiply–adds, and \
+             its analysis when the patch is a new one (the first: {})",
+            cost.nodes,
+            cost.coarse_vertices,
+            cost.factor_entries,
+            cost.factor_multiply_adds.div_ceil(1_000_000),
+            cost.outcome
+        ));
+    }
     line("\nExplicit steps".to_owned());
     line(format!("  local tick      {}", e.local_step.text()));
+    if condensation.is_some() {
+        line("                  (that of a fixed exterior; one that follows is softer)".to_owned());
+    }
     line(format!("  global substep  {}", e.global_step.text()));
     for warning in &e.warnings {
         line(format!("\nWarning: {warning}"));

@@ -190,6 +190,7 @@ fn figure_of(r: &Reported) -> Markup {
                 @if let Some(share) = r.run.summary.stick_share {
                     (format!("{:.0} % of the ticks in contact stick. ", 100.0 * share))
                 }
+                @if let Some(counts) = &r.run.summary.condensation { (counts) ". " }
                 @if let Some(fault) = &r.run.summary.fault { (fault) "." }
             }
         }

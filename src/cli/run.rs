@@ -20,6 +20,9 @@ pub fn run(scene: &Path, out: Option<PathBuf>) -> miette::Result<u8> {
     };
     say(table::runs([(&finished.summary, outcome)]))?;
     say(format_args!("{} ticks in {}", finished.summary.ticks, out.display()))?;
+    if let Some(counts) = &finished.summary.condensation {
+        say(counts)?;
+    }
     if let Some(fault) = &finished.fault {
         eprintln!("{fault}");
     }

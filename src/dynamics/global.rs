@@ -9,6 +9,7 @@ use crate::contact::operators::{Metric, Support};
 use crate::contact::subdivision::LARGEST_SUPPORT;
 use crate::contact::surface::ContactPoint;
 use crate::contact::tick::{Contact, Grip, RIGID_BELOW};
+use crate::model::condensation::CondensationCounts;
 use crate::model::local::{LocalModel, LocalModelBuilder, LocalState};
 use crate::model::network::{Network, State};
 use crate::model::surface::Surface;
@@ -224,6 +225,11 @@ impl GlobalSimulation {
             models_built: self.models_built,
             ..WorkCounts::default()
         }
+    }
+
+    /// What became of the models so far, if their exterior is condensed.
+    pub fn condensation(&self) -> Option<CondensationCounts> {
+        self.builder.condensation()
     }
 
     /// The model of the network as it is, around the tip.

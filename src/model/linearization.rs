@@ -1,5 +1,7 @@
 //! Tangent forces of a patch (3)–(4): f = f₀ + K(x − x₀) + D(v − v₀), and under a drifting
-//! exterior + (t − t_k) K_LE v_E₀.
+//! exterior + (t − t_k) K_LE v_E₀; under a condensed one K becomes K + C.
+
+use nalgebra::DMatrix;
 
 use super::network::ExternalForce;
 use super::patch::Patch;
@@ -87,6 +89,32 @@ impl LinearForces {
             }
         }
         forces
+    }
+
+    /// C(x − x₀) alone: what a condensed exterior adds to springs that stay nonlinear.
+    pub fn following(x0: &[Vec3], c: &DMatrix<f64>) -> Self {
+        let dof = c.nrows();
+        let mut forces = Self {
+            dof,
+            columns: dof,
+            panels: vec![0.0; dof.div_ceil(PANEL) * PANEL * dof],
+            f0: vec![0.0; dof.div_ceil(PANEL) * PANEL],
+            x0: x0.to_vec(),
+            v0: Vec::new(),
+            drift: None,
+        };
+        forces.add_stiffness(c);
+        forces
+    }
+
+    /// K becomes K + C.
+    pub fn add_stiffness(&mut self, c: &DMatrix<f64>) {
+        for column in 0..self.dof {
+            for row in 0..self.dof {
+                let at = self.position(row, column);
+                self.panels[at] += c[(row, column)];
+            }
+        }
     }
 
     fn add_block(&mut self, row: usize, column: usize, k: &Mat3, d: &Mat3) {

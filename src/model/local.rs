@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use super::condensation::{Condensation, CondensationCounts, Condensed, CondensedSize, Condenser, Outcome};
 use super::linearization::LinearForces;
 use super::network::{ExternalForce, Network, State};
 use super::patch::{Extent, OUTSIDE, Patch, PatchSelector};
@@ -46,6 +47,8 @@ pub enum ExteriorKind {
     Fixed,
     /// They move on from x₀ at their velocity v_E₀.
     Drifting,
+    /// They follow the patch quasi-statically.
+    Condensed(Condensation),
 }
 
 /// The exterior as a local model holds it.
@@ -85,12 +88,16 @@ pub struct LocalModel {
     exterior: Exterior,
     forces: LocalForces,
     external: Vec<ExternalForce>,
+    /// What became of a condensed exterior, and what it took.
+    pub condensation: Option<(Outcome, CondensedSize)>,
 }
 
 #[derive(Debug, Clone)]
 enum LocalForces {
     Tangent(LinearForces),
     Springs,
+    /// Springs, and C(x − x₀) of a condensed exterior.
+    SpringsAnd(LinearForces),
 }
 
 /// What moves: one entry per patch slot, then one per boundary slot.
@@ -122,6 +129,7 @@ pub struct LocalModelBuilder {
     geometry: ContactGeometry,
     tree: Arc<TriangleTree>,
     selector: PatchSelector,
+    condenser: Option<Condenser>,
 }
 
 impl LocalModelBuilder {
@@ -129,12 +137,21 @@ impl LocalModelBuilder {
     pub fn new(network: &Network, surface: Arc<Surface>, geometry: ContactGeometry, settings: LocalSettings) -> Self {
         let tree = Arc::new(TriangleTree::new(&surface, &network.rest));
         let selector = PatchSelector::new(network, &surface);
-        Self { settings, surface, geometry, tree, selector }
+        let condenser = match settings.exterior {
+            ExteriorKind::Condensed(condensation) => Some(Condenser::new(network, condensation)),
+            ExteriorKind::Fixed | ExteriorKind::Drifting => None,
+        };
+        Self { settings, surface, geometry, tree, selector, condenser }
     }
 
     /// What the tip feels.
     pub fn geometry(&self) -> &ContactGeometry {
         &self.geometry
+    }
+
+    /// What became of the models so far, if their exterior is condensed.
+    pub fn condensation(&self) -> Option<CondensationCounts> {
+        self.condenser.as_ref().map(Condenser::counts)
     }
 
     /// The model of the network at `state` around `point` (the contact point, or the tip where
@@ -151,7 +168,8 @@ impl LocalModelBuilder {
         let patch = self.selector.select(network, surface, &state.x, point, support, self.settings.extent);
         let of = |values: &[Vec3], nodes: &[u32]| nodes.iter().map(|&node| values[node as usize]).collect::<Vec<_>>();
         let motion = match self.settings.exterior {
-            ExteriorKind::Fixed => Motion::Still,
+            // For collision and normals a condensed exterior stays where it starts.
+            ExteriorKind::Fixed | ExteriorKind::Condensed(_) => Motion::Still,
             ExteriorKind::Drifting => {
                 let vertices = of(&state.v, &surface.vertex_node);
                 let fastest = vertices.iter().map(Vec3::norm).fold(0.0, f64::max);
@@ -168,18 +186,25 @@ impl LocalModelBuilder {
             Motion::Still => v.resize(x.len(), Vec3::zeros()),
             Motion::Drifting { boundary, .. } => v.extend_from_slice(boundary),
         }
-        let forces = match self.settings.linearization {
-            Linearization::None => LocalForces::Springs,
-            Linearization::Tangent(kind) => {
+        let condensed = self.condenser.as_mut().map(|condenser| condenser.condense(network, &patch, &state.x));
+        let stiffness = condensed.as_ref().and_then(|condensed| condensed.stiffness.as_ref());
+        let forces = match (self.settings.linearization, stiffness) {
+            (Linearization::None, None) => LocalForces::Springs,
+            (Linearization::None, Some(c)) => LocalForces::SpringsAnd(LinearForces::following(&x[..patch.len()], c)),
+            (Linearization::Tangent(kind), _) => {
                 let drift = match &exterior.motion {
                     Motion::Still => None,
                     Motion::Drifting { boundary, .. } => Some(boundary.as_slice()),
                 };
-                LocalForces::Tangent(LinearForces::new(&patch, &network.external, &x, &v, drift, kind))
+                // K goes the way of C.
+                let kind = condensed.as_ref().map_or(kind, |condensed| condensed.tangent);
+                let mut linear = LinearForces::new(&patch, &network.external, &x, &v, drift, kind);
+                stiffness.into_iter().for_each(|c| linear.add_stiffness(c));
+                LocalForces::Tangent(linear)
             }
         };
         let offset = match &forces {
-            LocalForces::Tangent(linear) => vec![0.0; linear.offset_len()],
+            LocalForces::Tangent(linear) | LocalForces::SpringsAnd(linear) => vec![0.0; linear.offset_len()],
             LocalForces::Springs => Vec::new(),
         };
         let boxes = Boxes::new(self.tree.clone(), surface, &self.geometry, &exterior.vertices);
@@ -205,6 +230,7 @@ impl LocalModelBuilder {
             exterior,
             forces,
             external: network.external.clone(),
+            condensation: condensed.map(|Condensed { outcome, size, .. }| (outcome, size)),
         };
         (model, state)
     }
@@ -220,14 +246,25 @@ impl LocalModel {
                 work.matrix_products += 1;
             }
             LocalForces::Springs => {
-                self.place_boundary(elapsed, x);
                 f.fill(Vec3::zeros());
-                self.patch.springs.add_forces(x, v, f);
-                work.tick_springs += self.patch.springs.len() as u64;
-                for force in &self.external {
-                    force.add(&self.patch.mass, v, f);
-                }
+                self.add_spring_forces(elapsed, state);
             }
+            LocalForces::SpringsAnd(linear) => {
+                f[self.patch.len()..].fill(Vec3::zeros());
+                linear.evaluate(elapsed, x, v, offset, f);
+                work.matrix_products += 1;
+                self.add_spring_forces(elapsed, state);
+            }
+        }
+    }
+
+    fn add_spring_forces(&self, elapsed: f64, state: &mut LocalState) {
+        let LocalState { x, v, f, work, .. } = state;
+        self.place_boundary(elapsed, x);
+        self.patch.springs.add_forces(x, v, f);
+        work.tick_springs += self.patch.springs.len() as u64;
+        for force in &self.external {
+            force.add(&self.patch.mass, v, f);
         }
     }
 
@@ -240,7 +277,7 @@ impl LocalModel {
                     state.work.displaced_nodes += 1;
                 });
             }
-            LocalForces::Springs => self.evaluate_forces(elapsed, state),
+            LocalForces::Springs | LocalForces::SpringsAnd(_) => self.evaluate_forces(elapsed, state),
         }
     }
 

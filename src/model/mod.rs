@@ -1,6 +1,9 @@
 //! The deformable object: from a mesh to the network that moves, and to the local model of it
 //! that the haptic loop runs.
 
+pub mod coarse;
+pub mod condensation;
+pub mod elimination;
 pub mod linearization;
 pub mod local;
 pub mod mesh;

@@ -22,6 +22,8 @@ pub enum Extent {
 /// `m..m + boundary.len()` are the exterior nodes that a patch spring ends on.
 #[derive(Debug, Clone)]
 pub struct Patch {
+    /// The node that rings are counted from; none if the patch takes every node, or none is free.
+    pub centre: Option<u32>,
     /// The m free nodes, ascending.
     pub nodes: Vec<u32>,
     /// Exterior nodes at the far end of a patch spring, ascending.
@@ -42,6 +44,11 @@ impl Patch {
     /// m, the number of free nodes.
     pub fn len(&self) -> usize {
         self.nodes.len()
+    }
+
+    /// The node of a slot, of the patch or its boundary.
+    pub fn node(&self, slot: usize) -> u32 {
+        if slot < self.len() { self.nodes[slot] } else { self.boundary[slot - self.len()] }
     }
 
     /// Whether no node is free.
@@ -80,11 +87,13 @@ impl PatchSelector {
         support: &[u32],
         extent: Extent,
     ) -> Patch {
+        let mut centre = None;
         let mut nodes: Vec<u32> = match extent {
             Extent::All => (0..network.node_count() as u32).collect(),
             Extent::Rings(rings) => {
                 let mut nodes = Vec::new();
-                if let Some(centre) = nearest_free_vertex(network, surface, x, point) {
+                centre = nearest_free_vertex(network, surface, x, point);
+                if let Some(centre) = centre {
                     self.rings(network, centre, rings, &mut nodes);
                 }
                 nodes.extend(support.iter().map(|&vertex| surface.vertex_node[vertex as usize]));
@@ -94,7 +103,7 @@ impl PatchSelector {
         nodes.retain(|&node| !network.fixed[node as usize]);
         nodes.sort_unstable();
         nodes.dedup();
-        self.assemble(network, surface, nodes)
+        self.assemble(network, surface, centre, nodes)
     }
 
     /// Breadth first from the centre, one ring after the other.
@@ -120,7 +129,7 @@ impl PatchSelector {
         nodes.iter().for_each(|&node| self.slot[node as usize] = OUTSIDE);
     }
 
-    fn assemble(&mut self, network: &Network, surface: &Surface, nodes: Vec<u32>) -> Patch {
+    fn assemble(&mut self, network: &Network, surface: &Surface, centre: Option<u32>, nodes: Vec<u32>) -> Patch {
         let m = nodes.len() as u32;
         nodes.iter().zip(0..).for_each(|(&node, slot)| self.slot[node as usize] = slot);
         let mut boundary: Vec<u32> = nodes
@@ -153,6 +162,7 @@ impl PatchSelector {
 
         let of_nodes = |values: &[f64]| nodes.iter().map(|&node| values[node as usize]).collect();
         Patch {
+            centre,
             springs: Springs::new(nodes.len() + boundary.len(), &springs),
             mass: of_nodes(&network.mass),
             inverse_mass: of_nodes(&network.inverse_mass),

@@ -6,6 +6,7 @@ use super::spectrum::power_above;
 use crate::Vec3;
 use crate::contact::law::Mode;
 use crate::device::failsafe::Fault;
+use crate::model::condensation::CondensationCounts;
 use crate::model::work::WorkCounts;
 use crate::pipeline::TickView;
 use crate::scene::Scene;
@@ -51,6 +52,7 @@ pub struct Recorder {
     tunnelling_ticks: u64,
     energy: EnergySummary,
     work: WorkCounts,
+    condensation: Option<CondensationCounts>,
 }
 
 /// Ticks in each mode.
@@ -136,6 +138,9 @@ pub struct Summary {
     pub energy: EnergySummary,
     /// What was computed.
     pub work: WorkCounts,
+    /// What became of a condensed exterior; absent where there is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub condensation: Option<CondensationCounts>,
     /// Of the run with its outputs.
     pub wall_time_s: f64,
 }
@@ -157,6 +162,7 @@ impl Recorder {
             }
         }
         self.work = view.work;
+        self.condensation = view.condensation;
         let energy = view.energy;
         let residual = energy.residual();
         self.energy = EnergySummary {
@@ -230,6 +236,7 @@ impl Recorder {
             force_power_above_100_hz_n2: power_above(&forces, 1.0 / scene.tick, RIPPLE_HZ),
             energy: self.energy,
             work: self.work,
+            condensation: self.condensation,
             wall_time_s,
         }
     }

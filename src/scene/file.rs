@@ -117,6 +117,8 @@ pub struct LocalTable {
     pub linearization: Option<Spanned<LinearizationName>>,
     pub exterior: Option<Spanned<ExteriorName>>,
     pub tangent: Option<Spanned<TangentName>>,
+    pub condense_rings: Option<Spanned<Rings>>,
+    pub far_field: Option<Spanned<FarFieldName>>,
     #[serde(default)]
     pub integrator: LocalIntegratorName,
 }
@@ -156,6 +158,15 @@ pub enum ExteriorName {
     #[default]
     Fixed,
     Drifting,
+    Condensed,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FarFieldName {
+    #[default]
+    Fixed,
+    Coarse,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -27,13 +27,30 @@ pub const KEYS: &[(&str, &str)] = &[
     ("global.rate", "a finite number above 0, in Hz, of which `local.rate` is a whole multiple (default 10)"),
     ("global.integrator", "\"semi-implicit-euler\" (default) or \"rk4\""),
     ("global.substeps", "a whole number of at least 1: equal steps per cycle (default 100)"),
-    ("local", "a table of `rate`, `model`, `rings`, `linearization`, `exterior`, `tangent`, `integrator`"),
+    (
+        "local",
+        "a table of `rate`, `model`, `rings`, `linearization`, `exterior`, `tangent`, `condense_rings`, `far_field`, `integrator`",
+    ),
     ("local.rate", "a finite number above 0, in Hz, that is a whole multiple of `global.rate` (default 1000)"),
     ("local.model", "\"patch\" (default) or \"full\""),
     ("local.rings", "a whole number of at least 1 (default 1) or \"all\"; only with `model = \"patch\"`"),
     ("local.linearization", "\"tangent\" (default) or \"none\"; only with `model = \"patch\"`"),
-    ("local.exterior", "\"fixed\" (default) or \"drifting\"; only with `model = \"patch\"` and a number of `rings`"),
-    ("local.tangent", "\"exact\" (default) or \"stabilised\"; only with `linearization = \"tangent\"`"),
+    (
+        "local.exterior",
+        "\"fixed\" (default), \"drifting\" or \"condensed\"; only with `model = \"patch\"` and a number of `rings`",
+    ),
+    (
+        "local.tangent",
+        "\"exact\" (default) or \"stabilised\"; only with `linearization = \"tangent\"` or `exterior = \"condensed\"`",
+    ),
+    (
+        "local.condense_rings",
+        "a whole number above `rings`, or \"all\" (default); only with `exterior = \"condensed\"`",
+    ),
+    (
+        "local.far_field",
+        "\"fixed\" (default) or \"coarse\": the exterior beyond `condense_rings`; only with a number of these",
+    ),
     ("local.integrator", "\"semi-implicit-euler\" (default)"),
     ("contact", "a table with `law`"),
     ("contact.law", "\"sliding\", \"sticking\" or \"stick-slip\""),

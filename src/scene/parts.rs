@@ -9,6 +9,7 @@ use crate::contact::operators::Metric;
 use crate::contact::surface::ContactSurface;
 use crate::contact::tick::Scheme;
 use crate::dynamics::global::SyncMode;
+use crate::model::condensation::{Condensation, FarField, Reach};
 use crate::model::local::{ExteriorKind, Linearization};
 use crate::model::patch::Extent;
 
@@ -45,9 +46,20 @@ impl Scene {
             Linearization::Tangent(_) => (true, "local.linearization = \"tangent\""),
             Linearization::None => (false, "local.linearization = \"none\""),
         };
-        let (drifts, exterior_is) = match self.local.exterior {
-            ExteriorKind::Fixed => (false, "local.exterior = \"fixed\""),
-            ExteriorKind::Drifting => (true, "local.exterior = \"drifting\""),
+        let exterior_is = match self.local.exterior {
+            ExteriorKind::Fixed => "local.exterior = \"fixed\"",
+            ExteriorKind::Drifting => "local.exterior = \"drifting\"",
+            ExteriorKind::Condensed(_) => "local.exterior = \"condensed\"",
+        };
+        let drifts = self.local.exterior == ExteriorKind::Drifting;
+        let condenses = matches!(self.local.exterior, ExteriorKind::Condensed(_));
+        let (coarsens, far_field_is) = match self.local.exterior {
+            ExteriorKind::Condensed(Condensation { reach: Reach::Rings { far_field, .. }, .. }) => match far_field {
+                FarField::Fixed => (false, "local.far_field = \"fixed\""),
+                FarField::Coarse => (true, "local.far_field = \"coarse\""),
+            },
+            ExteriorKind::Condensed(_) => (false, "local.condense_rings = \"all\""),
+            ExteriorKind::Fixed | ExteriorKind::Drifting => (false, exterior_is),
         };
         let takes_all = self.local.extent == Extent::All;
         let (replays, sync_is) = match self.global.sync {
@@ -101,6 +113,8 @@ impl Scene {
                 if self.is_full { model.to_owned() } else { format!("local.rings: {:?}", self.local.extent) },
             ),
             part("exterior drift", drifts && !takes_all, exterior_is.to_owned()),
+            part("condensation (sparse factorisation)", condenses && !takes_all, exterior_is.to_owned()),
+            part("coarse far field", coarsens && !takes_all, far_field_is.to_owned()),
             part("replay of the patch's path", replays, sync_is.to_owned()),
             part(
                 "hand-over latency",

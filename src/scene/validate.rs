@@ -18,6 +18,7 @@ use crate::contact::tick::{ContactRules, Deformation, Scheme, Wall};
 use crate::device::instrument::{TipPath, Waypoint};
 use crate::dynamics::global::SyncMode;
 use crate::dynamics::integrators::GlobalIntegrator;
+use crate::model::condensation::{Condensation, FarField, Reach};
 use crate::model::local::{ExteriorKind, Linearization, LocalSettings};
 use crate::model::mesh::{Block, Stencil};
 use crate::model::network::Material;
@@ -38,6 +39,22 @@ const BYTES_PER_NODE: u128 = 500;
 const BYTES_PER_SPRING: u128 = 300;
 /// Bytes per tick: what the summary and the plot keep, twice, and the spectrum's buffers.
 const BYTES_PER_TICK: u128 = 256;
+
+/// Bytes of a condensed exterior per point to the power of 4/3, the growth of a factor under nested
+/// dissection in three dimensions: 900 of blocks of 1,000 to 10,000 nodes, matrix and pattern included.
+const BYTES_PER_FACTOR_POINT: f64 = 1200.0;
+
+/// What a condensed exterior takes of a mesh of so many nodes.
+fn factor_bytes(reach: Reach, nodes: u128) -> u128 {
+    let near = |rings: u32| nodes.min((2 * u128::from(rings) + 1).saturating_pow(3));
+    let points = match reach {
+        Reach::All => nodes,
+        Reach::Rings { rings, far_field: FarField::Fixed } => near(rings),
+        // A vertex of the coarse grid for four nodes in every direction.
+        Reach::Rings { rings, far_field: FarField::Coarse } => near(rings).saturating_add(nodes.div_ceil(16)),
+    };
+    (BYTES_PER_FACTOR_POINT * (points as f64).powf(4.0 / 3.0)) as u128
+}
 
 type Placed<T> = Result<T, SceneError>;
 
@@ -227,10 +244,15 @@ impl Checker {
             Extent::All => 0,
             Extent::Rings(_) => patch.saturating_mul(u128::from(ticks.min(cycle_ticks)) + 1).saturating_mul(2 * 24),
         };
+        let factor = match local.exterior {
+            ExteriorKind::Fixed | ExteriorKind::Drifting => 0,
+            ExteriorKind::Condensed(condensation) => factor_bytes(condensation.reach, nodes),
+        };
         let needed = nodes
             .saturating_mul(BYTES_PER_NODE)
             .saturating_add(springs.saturating_mul(BYTES_PER_SPRING))
             .saturating_add(matrix)
+            .saturating_add(factor)
             .saturating_add(recorded)
             .saturating_add(u128::from(ticks) * BYTES_PER_TICK);
         let mut system = sysinfo::System::new();
@@ -325,6 +347,8 @@ impl Checker {
                 ("local.linearization", local.linearization.as_ref().map(Spanned::span)),
                 ("local.exterior", local.exterior.as_ref().map(Spanned::span)),
                 ("local.tangent", local.tangent.as_ref().map(Spanned::span)),
+                ("local.condense_rings", local.condense_rings.as_ref().map(Spanned::span)),
+                ("local.far_field", local.far_field.as_ref().map(Spanned::span)),
             ];
             for (key, span) in unused {
                 self.no_effect(key, span, "`local.model = \"full\"`")?;
@@ -342,16 +366,18 @@ impl Checker {
                 Rings::Count(rings) => Extent::Rings(*rings),
             },
         };
+        let tangent = match local.tangent.as_ref().map(Spanned::get_ref) {
+            None | Some(TangentName::Exact) => TangentKind::Exact,
+            Some(TangentName::Stabilised) => TangentKind::Stabilised,
+        };
+        let condensed = matches!(local.exterior.as_ref().map(Spanned::get_ref), Some(ExteriorName::Condensed));
         let linearization = match local.linearization.as_ref().map(Spanned::get_ref) {
-            None | Some(LinearizationName::Tangent) => {
-                Linearization::Tangent(match local.tangent.as_ref().map(Spanned::get_ref) {
-                    None | Some(TangentName::Exact) => TangentKind::Exact,
-                    Some(TangentName::Stabilised) => TangentKind::Stabilised,
-                })
-            }
+            None | Some(LinearizationName::Tangent) => Linearization::Tangent(tangent),
             Some(LinearizationName::None) => {
-                let span = local.tangent.as_ref().map(Spanned::span);
-                self.no_effect("local.tangent", span, "`local.linearization = \"none\"`")?;
+                if !condensed {
+                    let span = local.tangent.as_ref().map(Spanned::span);
+                    self.no_effect("local.tangent", span, "`local.linearization = \"none\"`")?;
+                }
                 Linearization::None
             }
         };
@@ -362,8 +388,38 @@ impl Checker {
         let exterior = match local.exterior.as_ref().map(Spanned::get_ref) {
             None | Some(ExteriorName::Fixed) => ExteriorKind::Fixed,
             Some(ExteriorName::Drifting) => ExteriorKind::Drifting,
+            Some(ExteriorName::Condensed) => {
+                ExteriorKind::Condensed(Condensation { tangent, reach: self.reach(local, extent)? })
+            }
         };
+        if !condensed {
+            let because = "a `local.exterior` that is not \"condensed\"";
+            self.no_effect("local.condense_rings", local.condense_rings.as_ref().map(Spanned::span), because)?;
+            self.no_effect("local.far_field", local.far_field.as_ref().map(Spanned::span), because)?;
+        }
         Ok(LocalSettings { extent, linearization, exterior })
+    }
+
+    /// How much of a condensed exterior follows.
+    fn reach(&self, local: &LocalTable, extent: Extent) -> Placed<Reach> {
+        let far_field = match local.far_field.as_ref().map(Spanned::get_ref) {
+            None | Some(FarFieldName::Fixed) => FarField::Fixed,
+            Some(FarFieldName::Coarse) => FarField::Coarse,
+        };
+        match local.condense_rings.as_ref().map(|rings| (rings.get_ref(), rings.span())) {
+            None | Some((Rings::Named(AllName::All), _)) => {
+                let span = local.far_field.as_ref().map(Spanned::span);
+                self.no_effect("local.far_field", span, "`local.condense_rings = \"all\"`")?;
+                Ok(Reach::All)
+            }
+            Some((&Rings::Count(rings), span)) => match extent {
+                Extent::Rings(patch) if rings <= patch => {
+                    let value = format!("{rings}: the patch has {patch} rings, so nothing near it would follow");
+                    Err(self.error(Problem::NotAccepted { key: "local.condense_rings", value }, span))
+                }
+                Extent::Rings(_) | Extent::All => Ok(Reach::Rings { rings, far_field }),
+            },
+        }
     }
 
     fn contact(&self, table: &Spanned<ContactTable>) -> Placed<ContactRules> {
