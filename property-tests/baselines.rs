@@ -8,6 +8,12 @@ use stickslip::scene::SHIPPED;
 
 use assert_cmd::Command;
 use serde_json::{Value, json};
+use stickslip::contact::law::Law;
+use stickslip::contact::surface::ContactSurface;
+use stickslip::contact::tick::Scheme;
+use stickslip::dynamics::integrators::GlobalIntegrator;
+use stickslip::model::local::ExteriorKind;
+use stickslip::model::patch::Extent;
 use stickslip::scene::Scene;
 use stickslip::verify::baseline::{Provenance, Store};
 use stickslip::verify::compare::{Outcome, compare};
@@ -155,6 +161,41 @@ fn round_off_passes_and_less_work_is_reported() {
     assert!(table.contains("1 within tolerance") && table.contains("1 improved"), "{table}");
     let improved = |line: &str| ["matrix_products", "1202", "1201", "improved"].iter().all(|word| line.contains(word));
     assert!(table.lines().any(improved), "{table}");
+}
+
+/// A way to change the solver, and the first tick at which that can show.
+type Changed = (&'static str, fn(&mut Scene), u64);
+
+/// Solvers other than the one that was accepted, doing the same scene. A cycle is 100 ticks, and
+/// every 20th tick is kept.
+const OTHER_SOLVERS: &[Changed] = &[
+    ("another global integrator", |scene| scene.global.integrator = GlobalIntegrator::Rk4, 100),
+    ("other global steps", |scene| scene.global.substeps = 50, 100),
+    ("another local model", |scene| scene.local.extent = Extent::Rings(2), 80),
+    ("an exterior that is not stopped", |scene| scene.local.exterior = ExteriorKind::Drifting, 100),
+    ("another contact scheme", |scene| scene.contact.scheme = Scheme::Velocity, 80),
+    ("another normal", |scene| scene.surface = ContactSurface::Shaded, 80),
+    ("another friction", |scene| scene.contact.law = Law::StickSlip { friction: 1.0 + 1e-8 }, 200),
+];
+
+#[test]
+fn another_solver_fails_from_where_it_shows() {
+    let scene = Scene::shipped(SCENE).expect("a shipped scene");
+    let baseline = Store::Program.load(SCENE).expect("a baseline in the program");
+    let failed = |change: &dyn Fn(&mut Scene)| {
+        let mut changed = scene.clone();
+        change(&mut changed);
+        let results = Results::of(&changed, |_| {}).expect("it starts outside");
+        let comparisons = compare(&baseline, &Provenance::of(&scene), &results);
+        comparisons.into_iter().filter(|c| c.outcome == Outcome::Fail).collect::<Vec<_>>()
+    };
+    assert!(failed(&|_| {}).is_empty());
+    for (what, change, earliest) in OTHER_SOLVERS {
+        let failed = failed(change);
+        let force = failed.iter().find(|c| c.quantity == "trace fx").unwrap_or_else(|| panic!("{what} passes"));
+        let tick = force.first_tick.unwrap_or_else(|| panic!("{what}: no tick"));
+        assert!(tick >= *earliest && tick <= earliest + 400, "{what}: tick {tick}");
+    }
 }
 
 #[test]
