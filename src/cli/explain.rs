@@ -45,6 +45,8 @@ struct TickCost {
     matrix: Option<[usize; 2]>,
     /// Springs evaluated, if they are not.
     springs: Option<usize>,
+    /// Nodes that a contact point rests on, at most.
+    contact_nodes: usize,
 }
 
 #[derive(Serialize)]
@@ -129,6 +131,7 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
             condenses.then_some([3 * patch.len(); 2])
         },
         springs: (!linear).then_some(patch.springs.len()),
+        contact_nodes: model.geometry.largest_support(),
     };
     let stages = match scene.global.integrator {
         GlobalIntegrator::SemiImplicitEuler => 1,
@@ -236,6 +239,7 @@ fn text(e: &Explanation) -> String {
         (None, springs) => line(format!("  {} springs, twice in contact", springs.unwrap_or(0))),
     }
     line("  free: the triangles near the tip, found in a tree of boxes; in contact: the one below it".to_owned());
+    line(format!("  a contact point rests on up to {} nodes", e.cost_per_tick.contact_nodes));
     line("\nCost per global cycle".to_owned());
     let CycleCost { force_evaluations, springs, new_models, condensation } = &e.cost_per_cycle;
     line(format!("  {force_evaluations} evaluations of {springs} springs, {new_models} new local model"));

@@ -55,6 +55,14 @@ impl ContactGeometry {
         }
     }
 
+    /// Vertices in a [`support`](Self::support), at most.
+    pub fn largest_support(&self) -> usize {
+        match self {
+            Self::Faceted | Self::Shaded => 3,
+            Self::Limit(limit) => limit.largest_support(),
+        }
+    }
+
     /// Those vertices with their weights at a contact point: p = Σ wᵢxᵢ, Σ w = 1.
     pub fn weights(&self, surface: &Surface, point: &ContactPoint) -> impl Iterator<Item = (u32, f64)> {
         let mut weights = [(0, 0.0); LARGEST_SUPPORT];

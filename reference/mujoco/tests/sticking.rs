@@ -117,14 +117,11 @@ fn the_velocity_scheme_commands_the_multiplier() {
             LocalModelBuilder::new(&network, surface.clone(), ContactGeometry::Faceted, LocalSettings::FULL);
         let (model, local) = builder.build(&network, &state, position, None);
         let mut simulation = LocalSimulation::new(rules, STEP, model, local);
-        // Through the surface by a nanometre, which the scheme would have follow in one step; its share is
-        // taken off with the same G.
+        // The mesh, on its way back to rest, meets the tip or leaves it. What it takes to bring the point that was
+        // met to the tip within the tick is taken off with the same G.
         let sunk = normal * 1e-9;
         let report = simulation.tick(position + sunk, position - sunk);
         let Some(touch) = report.touch else { continue };
-        if (touch.position - position).norm() > 1e-8 * SPACING {
-            continue;
-        }
         pushed += 1;
         let nodes = simulation.model().surface.triangle_nodes(touch.point.triangle);
         let there = Point { nodes, weights: touch.point.weights };

@@ -142,6 +142,11 @@ impl LimitSurface {
         &self.vertices[start as usize..self.ends[t] as usize]
     }
 
+    /// Vertices in a [`support`](Self::support), at most.
+    pub fn largest_support(&self) -> usize {
+        (0..self.ends.len() as u32).map(|triangle| self.support(triangle).len()).max().unwrap_or(0)
+    }
+
     /// Basis functions of the [`support`](Self::support) at barycentric weights of the triangle.
     pub fn jet(&self, triangle: u32, weights: [f64; 3]) -> Jet {
         self.patch_jet(self.patch_of[triangle as usize], weights)
