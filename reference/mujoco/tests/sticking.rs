@@ -121,7 +121,7 @@ fn the_velocity_scheme_commands_the_multiplier() {
         // met to the tip within the tick is taken off with the same G.
         let sunk = normal * 1e-9;
         let report = simulation.tick(position + sunk, position - sunk);
-        let Some(touch) = report.touch else { continue };
+        let Some(touch) = report.touch.filter(|_| !report.rigid) else { continue };
         pushed += 1;
         let nodes = simulation.model().surface.triangle_nodes(touch.point.triangle);
         let there = Point { nodes, weights: touch.point.weights };
