@@ -52,12 +52,17 @@ fn tip(tick: u64) -> Vec3 {
 #[test]
 fn a_hundred_thousand_ticks_allocate_nothing() {
     for law in ["\"sliding\"", "\"sticking\"", "\"stick-slip\"\nfriction = 0.3"] {
+        let (euler, midpoint, exact) =
+            ("integrator = \"implicit-euler\"", "integrator = \"implicit-midpoint\"", "integrator = \"exponential\"");
         for (surface, scheme, local) in [
             ("faceted", "geometric", "rings = 1"),
             ("shaded", "geometric", "linearization = \"none\""),
             ("shaded", "velocity", "exterior = \"drifting\""),
             ("subdivision", "geometric", "rings = 1"),
             ("subdivision", "velocity", "rings = 1"),
+            ("faceted", "velocity", euler),
+            ("subdivision", "velocity", midpoint),
+            ("faceted", "velocity", exact),
         ] {
             let scene = Scene::parse(
                 &format!(

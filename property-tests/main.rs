@@ -3,6 +3,7 @@
 
 mod check;
 mod contact;
+mod integrators;
 mod limit;
 mod linearization;
 mod multirate;

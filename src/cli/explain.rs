@@ -9,6 +9,7 @@ use crate::dynamics::global::SyncMode;
 use crate::dynamics::integrators::GlobalIntegrator;
 use crate::dynamics::stability::{StepLimit, explicit_step_limit};
 use crate::model::local::Linearization;
+use crate::model::step::{LinearStep, LocalIntegrator};
 use crate::pipeline::Simulation;
 use crate::scene::Scene;
 
@@ -39,8 +40,12 @@ struct Sizes {
 
 #[derive(Serialize)]
 struct TickCost {
-    /// Rows and columns of [K D], if the forces are linear.
+    /// Rows and columns of [K D], or of what takes (x, v) over a tick, if the forces are linear.
     matrix: Option<[usize; 2]>,
+    /// Products with it in a free tick.
+    products: u64,
+    /// Rows and columns of A⁻¹, a part of whose columns is read in contact, if it is used.
+    response: Option<[usize; 2]>,
     /// Springs evaluated, if they are not.
     springs: Option<usize>,
 }
@@ -57,11 +62,19 @@ struct Step {
     step_s: f64,
     limit_s: Option<f64>,
     omega_max_rad_s: f64,
+    /// The integrator, if it has no limit whatever the stiffness.
+    unlimited: Option<&'static str>,
 }
 
 impl Step {
+    /// For integrators that are stable at every step as long as K is not indefinite.
+    fn unlimited(step_s: f64, limit: StepLimit, integrator: &'static str) -> Self {
+        Self { limit_s: None, unlimited: Some(integrator), ..Self::new(step_s, limit) }
+    }
+
     fn new(step_s: f64, limit: StepLimit) -> Self {
-        Self { step_s, limit_s: limit.step.is_finite().then_some(limit.step), omega_max_rad_s: limit.omega }
+        let limit_s = limit.step.is_finite().then_some(limit.step);
+        Self { step_s, limit_s, omega_max_rad_s: limit.omega, unlimited: None }
     }
 
     fn is_beyond(&self) -> bool {
@@ -69,6 +82,10 @@ impl Step {
     }
 
     fn text(&self) -> String {
+        if let Some(integrator) = self.unlimited {
+            let turn = self.step_s * self.omega_max_rad_s;
+            return format!("{:.3} ms; no limit ({integrator}; ω_max h = {turn:.2})", 1e3 * self.step_s);
+        }
         match self.limit_s {
             Some(limit) => format!(
                 "{:.3} ms; stable up to {:.3} ms (2/ω_max alone would say {:.3} ms)",
@@ -107,13 +124,19 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
         patch_springs: patch.springs.len(),
     };
     let linear = matches!(scene.local.linearization, Linearization::Tangent(_));
-    let columns = if patch.springs.is_damped() || scene.material.drag != 0.0 { 6 } else { 3 };
+    let rows = 3 * patch.len();
+    let step = model.step.as_ref();
+    let columns = if step.is_some() || patch.springs.is_damped() || scene.material.drag != 0.0 { 6 } else { 3 };
     let cost_per_tick = TickCost {
-        matrix: linear.then_some([3 * patch.len(), columns * patch.len()]),
+        matrix: linear.then_some([rows, columns * patch.len()]),
+        products: step.map_or(1, LinearStep::products),
+        response: step.is_some().then_some([rows, rows]),
         springs: (!linear).then_some(patch.springs.len()),
     };
     let stages = match scene.global.integrator {
         GlobalIntegrator::SemiImplicitEuler => 1,
+        // Two or three iterations of Newton's method where the motion is smooth, each with a sparse factorisation.
+        GlobalIntegrator::ImplicitEuler => 3,
         GlobalIntegrator::Rk4 => 4,
     };
     let integrates = scene.parts().iter().any(|part| part.name == "replay of the patch's path" && part.needed)
@@ -130,8 +153,15 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
     held.resize(patch.len() + patch.boundary.len(), 0.0);
     let local_limit = explicit_step_limit(&patch.springs, &simulation.local().state().x, &held, drag);
     let global_limit = explicit_step_limit(&network.springs, &network.rest, &network.inverse_mass, drag);
-    let local_step = Step::new(scene.tick, local_limit);
-    let global_step = Step::new(1.0 / (scene.global.rate * f64::from(scene.global.substeps)), global_limit);
+    let local_step = match scene.integrator {
+        LocalIntegrator::SemiImplicitEuler => Step::new(scene.tick, local_limit),
+        implicit => Step::unlimited(scene.tick, local_limit, implicit.name()),
+    };
+    let substep = 1.0 / (scene.global.rate * f64::from(scene.global.substeps));
+    let global_step = match scene.global.integrator {
+        GlobalIntegrator::ImplicitEuler => Step::unlimited(substep, global_limit, "implicit-euler"),
+        GlobalIntegrator::SemiImplicitEuler | GlobalIntegrator::Rk4 => Step::new(substep, global_limit),
+    };
 
     let parts = scene.parts();
     let named = |needed: bool| parts.iter().filter(|part| part.needed == needed).map(ToString::to_string).collect();
@@ -199,7 +229,13 @@ fn text(e: &Explanation) -> String {
     e.left_out.iter().for_each(|part| line(format!("  - {part}")));
     line("\nCost per tick".to_owned());
     if let Some([rows, columns]) = e.cost_per_tick.matrix {
-        line(format!("  one {rows} × {columns} matrix–vector product ({} multiply–adds)", rows * columns));
+        let count = if e.cost_per_tick.products == 1 { "one" } else { "two" };
+        let multiply_adds = e.cost_per_tick.products as usize * rows * columns;
+        let plural = if e.cost_per_tick.products == 1 { "" } else { "s" };
+        line(format!("  {count} {rows} × {columns} matrix–vector product{plural} ({multiply_adds} multiply–adds)"));
+    }
+    if let Some([rows, columns]) = e.cost_per_tick.response {
+        line(format!("  in contact: three columns of A⁻¹ ({rows} × {columns}) for each node of the contact point"));
     }
     if let Some(springs) = e.cost_per_tick.springs {
         line(format!("  {springs} springs, twice in contact"));
@@ -208,7 +244,7 @@ fn text(e: &Explanation) -> String {
     line("\nCost per global cycle".to_owned());
     let CycleCost { force_evaluations, springs, new_models } = e.cost_per_cycle;
     line(format!("  {force_evaluations} evaluations of {springs} springs, {new_models} new local model"));
-    line("\nExplicit steps".to_owned());
+    line("\nSteps".to_owned());
     line(format!("  local tick      {}", e.local_step.text()));
     line(format!("  global substep  {}", e.global_step.text()));
     for warning in &e.warnings {

@@ -3,15 +3,19 @@
 
 use std::sync::Arc;
 
+use thiserror::Error;
+
 use super::linearization::LinearForces;
 use super::network::{ExternalForce, Network, State};
 use super::patch::{Extent, OUTSIDE, Patch, PatchSelector};
 use super::springs::TangentKind;
+use super::step::{ContactResponse, LinearStep, LocalIntegrator};
 use super::surface::Surface;
 use super::work::WorkCounts;
 use crate::Vec3;
 use crate::contact::surface::ContactGeometry;
 use crate::contact::tree::{Boxes, TriangleTree};
+use crate::dynamics::implicit::NotSolved;
 
 /// Which approximation of the network the haptic loop runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,6 +41,24 @@ pub enum Linearization {
     Tangent(TangentKind),
     /// The springs of the patch stay nonlinear.
     None,
+}
+
+/// Why a local model cannot be built.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum ModelError {
+    /// The equations of one tick have no solution, or none that is finite.
+    #[error(
+        "the {integrator} step of the local model has no finite solution: its matrix of {rows} rows is singular or not finite"
+    )]
+    NoStep {
+        /// Its name in a scene.
+        integrator: &'static str,
+        /// 3m.
+        rows: usize,
+    },
+    /// The network it is to be built from was not brought over the cycle.
+    #[error(transparent)]
+    NotSolved(#[from] NotSolved),
 }
 
 /// What the nodes outside the patch do until the next hand-over.
@@ -84,6 +106,8 @@ pub struct LocalModel {
     start: Vec<Vec3>,
     exterior: Exterior,
     forces: LocalForces,
+    /// The tick of an integrator that solves the linear model as a whole.
+    pub step: Option<LinearStep>,
     external: Vec<ExternalForce>,
 }
 
@@ -108,6 +132,8 @@ pub struct LocalState {
     pub v_predicted: Vec<Vec3>,
     /// Scratch of collision detection: positions within a tick, m. Empty where it needs none.
     pub x_between: Vec<Vec3>,
+    /// Answer of the patch to the contact, where the model has a [`LinearStep`].
+    pub response: ContactResponse,
     /// Scratch of the linear forces.
     offset: Vec<f64>,
     /// What was computed to get here.
@@ -122,6 +148,9 @@ pub struct LocalModelBuilder {
     geometry: ContactGeometry,
     tree: Arc<TriangleTree>,
     selector: PatchSelector,
+    integrator: LocalIntegrator,
+    /// h, s.
+    tick: f64,
 }
 
 impl LocalModelBuilder {
@@ -129,7 +158,13 @@ impl LocalModelBuilder {
     pub fn new(network: &Network, surface: Arc<Surface>, geometry: ContactGeometry, settings: LocalSettings) -> Self {
         let tree = Arc::new(TriangleTree::new(&surface, &network.rest));
         let selector = PatchSelector::new(network, &surface);
-        Self { settings, surface, geometry, tree, selector }
+        let integrator = LocalIntegrator::SemiImplicitEuler;
+        Self { settings, surface, geometry, tree, selector, integrator, tick: 0.0 }
+    }
+
+    /// The same with ticks of `tick` seconds by this integrator. Without it, models are for the explicit one.
+    pub fn with_integrator(self, integrator: LocalIntegrator, tick: f64) -> Self {
+        Self { integrator, tick, ..self }
     }
 
     /// What the tip feels.
@@ -139,13 +174,16 @@ impl LocalModelBuilder {
 
     /// The model of the network at `state` around `point` (the contact point, or the tip where
     /// there is no contact), and that model's own state.
+    ///
+    /// # Errors
+    /// If the integrator's equations have no solution.
     pub fn build(
         &mut self,
         network: &Network,
         state: &State,
         point: Vec3,
         touched: Option<u32>,
-    ) -> (LocalModel, LocalState) {
+    ) -> Result<(LocalModel, LocalState), ModelError> {
         let surface = &self.surface;
         let support = touched.map_or(&[][..], |triangle| self.geometry.support(surface, triangle));
         let patch = self.selector.select(network, surface, &state.x, point, support, self.settings.extent);
@@ -178,9 +216,13 @@ impl LocalModelBuilder {
                 LocalForces::Tangent(LinearForces::new(&patch, &network.external, &x, &v, drift, kind))
             }
         };
-        let offset = match &forces {
-            LocalForces::Tangent(linear) => vec![0.0; linear.offset_len()],
-            LocalForces::Springs => Vec::new(),
+        let (step, offset) = match &forces {
+            LocalForces::Tangent(linear) => {
+                let step = LinearStep::new(self.integrator, linear, &patch.mass, self.tick)?;
+                let offset = step.as_ref().map_or(linear.offset_len(), LinearStep::offset_len);
+                (step, vec![0.0; offset])
+            }
+            LocalForces::Springs => (None, Vec::new()),
         };
         let boxes = Boxes::new(self.tree.clone(), surface, &self.geometry, &exterior.vertices);
         let state = LocalState {
@@ -193,6 +235,7 @@ impl LocalModelBuilder {
             },
             x,
             v,
+            response: step.as_ref().map_or_else(ContactResponse::default, |_| ContactResponse::new(patch.len())),
             offset,
             work: WorkCounts::default(),
         };
@@ -204,9 +247,10 @@ impl LocalModelBuilder {
             geometry: self.geometry.clone(),
             exterior,
             forces,
+            step,
             external: network.external.clone(),
         };
-        (model, state)
+        Ok((model, state))
     }
 }
 
@@ -229,6 +273,13 @@ impl LocalModel {
                 }
             }
         }
+    }
+
+    /// x* and v* of a free tick by the model's own step, from a tick's start at `elapsed` seconds.
+    pub fn predict(&self, step: &LinearStep, elapsed: f64, state: &mut LocalState) {
+        let LocalState { x, v, x_predicted, v_predicted, offset, work, .. } = state;
+        step.predict(elapsed, [x, v], offset, [x_predicted, v_predicted]);
+        work.matrix_products += step.products();
     }
 
     /// Brings `state.f` up to date after the nodes in `moved` were displaced by the given amounts.

@@ -104,6 +104,7 @@ pub struct GlobalTable {
 pub enum GlobalIntegratorName {
     #[default]
     SemiImplicitEuler,
+    ImplicitEuler,
     Rk4,
 }
 
@@ -117,8 +118,7 @@ pub struct LocalTable {
     pub linearization: Option<Spanned<LinearizationName>>,
     pub exterior: Option<Spanned<ExteriorName>>,
     pub tangent: Option<Spanned<TangentName>>,
-    #[serde(default)]
-    pub integrator: LocalIntegratorName,
+    pub integrator: Option<Spanned<LocalIntegratorName>>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -166,11 +166,13 @@ pub enum TangentName {
     Stabilised,
 }
 
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LocalIntegratorName {
-    #[default]
     SemiImplicitEuler,
+    ImplicitEuler,
+    ImplicitMidpoint,
+    Exponential,
 }
 
 #[derive(Debug, Deserialize)]
