@@ -52,6 +52,8 @@ fn tip(tick: u64) -> Vec3 {
 #[test]
 fn a_hundred_thousand_ticks_allocate_nothing() {
     for law in ["\"sliding\"", "\"sticking\"", "\"stick-slip\"\nfriction = 0.3"] {
+        let (euler, midpoint, exact) =
+            ("integrator = \"implicit-euler\"", "integrator = \"implicit-midpoint\"", "integrator = \"exponential\"");
         for (surface, scheme, local) in [
             ("faceted", "geometric", "rings = 1"),
             ("shaded", "geometric", "linearization = \"none\""),
@@ -60,6 +62,9 @@ fn a_hundred_thousand_ticks_allocate_nothing() {
             ("subdivision", "velocity", "rings = 1"),
             ("shaded", "geometric", "exterior = \"condensed\""),
             ("shaded", "geometric", "exterior = \"condensed\"\nlinearization = \"none\"\ntangent = \"stabilised\""),
+            ("faceted", "velocity", euler),
+            ("subdivision", "velocity", midpoint),
+            ("faceted", "velocity", exact),
         ] {
             let scene = Scene::parse(
                 &format!(

@@ -200,7 +200,8 @@ fn the_local_model_feels_the_exterior_follow() {
             let settings = LocalSettings { extent: Extent::Rings(1), linearization, exterior };
             let mut builder =
                 LocalModelBuilder::new(&case.network, case.surface.clone(), ContactGeometry::Faceted, settings);
-            let (model, mut local) = builder.build(&case.network, &state, Vec3::zeros(), None);
+            let (model, mut local) =
+                builder.build(&case.network, &state, Vec3::zeros(), None).expect("an explicit model");
             assert_eq!(model.patch.nodes, case.patch.nodes);
             let moved: Vec<Vec3> = (0..m).map(|i| Vec3::new(1.0, -0.5, 0.3) * (1e-3 * (i as f64).cos())).collect();
             local.x.iter_mut().zip(&moved).for_each(|(x, moved)| *x += moved);

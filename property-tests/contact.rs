@@ -370,7 +370,8 @@ impl Dent {
         let geometry = ContactGeometry::new(kind, &self.surface).expect("a block has no crowded triangle");
         let settings = LocalSettings { extent: stickslip::model::patch::Extent::Rings(1), ..LocalSettings::FULL };
         let mut builder = LocalModelBuilder::new(&self.network, self.surface.clone(), geometry, settings);
-        let (model, local) = builder.build(&self.network, &self.state, Vec3::zeros(), None);
+        let (model, local) =
+            builder.build(&self.network, &self.state, Vec3::zeros(), None).expect("explicit steps need no solution");
         use_shape(Shape { model: &model, x: &local.x, elapsed: 0.0 })
     }
 

@@ -41,7 +41,8 @@ impl Body {
         let surface = Arc::new(Surface::new(mesh).expect("a surface"));
         let geometry = ContactGeometry::new(ContactSurface::Subdivision, &surface).expect("no crowded triangle");
         let mut builder = LocalModelBuilder::new(&network, surface, geometry, LocalSettings::FULL);
-        let (model, state) = builder.build(&network, &state, Vec3::zeros(), None);
+        let (model, state) =
+            builder.build(&network, &state, Vec3::zeros(), None).expect("explicit steps need no solution");
         Self { model, state }
     }
 

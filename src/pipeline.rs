@@ -92,7 +92,8 @@ impl Simulation {
         let geometry =
             ContactGeometry::new(scene.surface, &surface).map_err(|error| scene.mesh_error(Problem::Surface(error)))?;
         let network = Arc::new(Network::new(&mesh, &scene.material, scene.fixed.clone()));
-        let builder = LocalModelBuilder::new(&network, surface.clone(), geometry, scene.local);
+        let builder = LocalModelBuilder::new(&network, surface.clone(), geometry, scene.local)
+            .with_integrator(scene.integrator, scene.tick);
         let cycle = CycleSettings {
             sync: scene.global.sync,
             integrator: scene.global.integrator,
@@ -104,7 +105,8 @@ impl Simulation {
         let mut global = GlobalSimulation::new(cycle, network.clone(), surface.clone(), builder);
 
         let tip = scene.path.at(0.0);
-        let ModelMessage { model, state } = global.first_model(tip);
+        let ModelMessage { model, state } =
+            global.first_model(tip).map_err(|error| scene.mesh_error(Problem::Model(error)))?;
         let local = LocalSimulation::new(scene.contact, scene.tick, model, state);
         let distance = local.shape().signed_distance(tip);
         if !(distance >= -START_TOLERANCE) {
@@ -172,8 +174,11 @@ impl Simulation {
                 let contact = self.local.contact();
                 let past = std::mem::replace(&mut trajectory, Trajectory::new(self.keep));
                 let message = CycleMessage { trajectory: past, contact, tip: tip_before };
-                pending = Some((tick + self.latency_ticks, self.global.advance(&message)));
+                let model = self.global.advance(&message);
                 self.failsafe.check_network(tick, tip_before, self.global.state())?;
+                // A network that has run away has no model either: that it ran away is the cause.
+                let model = model.map_err(|error| self.failsafe.no_model(tick, tip_before, error))?;
+                pending = Some((tick + self.latency_ticks, model));
             }
             if let Some((_, model)) = pending.take_if(|(due, _)| *due == tick) {
                 self.local.hand_over(model.model, model.state, self.latency_ticks, tip_before);

@@ -10,6 +10,7 @@ use crate::dynamics::integrators::GlobalIntegrator;
 use crate::dynamics::stability::{StepLimit, explicit_step_limit};
 use crate::model::condensation::Outcome;
 use crate::model::local::Linearization;
+use crate::model::step::{LinearStep, LocalIntegrator};
 use crate::pipeline::Simulation;
 use crate::scene::Scene;
 
@@ -40,9 +41,13 @@ struct Sizes {
 
 #[derive(Serialize)]
 struct TickCost {
-    /// Rows and columns of [K D] if the forces are linear, of C if they are springs and the exterior
-    /// is condensed.
+    /// Rows and columns of [K D], or of what takes (x, v) over a tick, if the forces are linear; of C if
+    /// they are springs and the exterior is condensed.
     matrix: Option<[usize; 2]>,
+    /// Products with it in a free tick.
+    products: u64,
+    /// Rows and columns of A⁻¹, a part of whose columns is read in contact, if it is used.
+    response: Option<[usize; 2]>,
     /// Springs evaluated, if they are not.
     springs: Option<usize>,
     /// Nodes that a contact point rests on, at most.
@@ -72,11 +77,19 @@ struct Step {
     step_s: f64,
     limit_s: Option<f64>,
     omega_max_rad_s: f64,
+    /// The integrator, if it has no limit whatever the stiffness.
+    unlimited: Option<&'static str>,
 }
 
 impl Step {
+    /// For integrators that are stable at every step as long as K is not indefinite.
+    fn unlimited(step_s: f64, limit: StepLimit, integrator: &'static str) -> Self {
+        Self { limit_s: None, unlimited: Some(integrator), ..Self::new(step_s, limit) }
+    }
+
     fn new(step_s: f64, limit: StepLimit) -> Self {
-        Self { step_s, limit_s: limit.step.is_finite().then_some(limit.step), omega_max_rad_s: limit.omega }
+        let limit_s = limit.step.is_finite().then_some(limit.step);
+        Self { step_s, limit_s, omega_max_rad_s: limit.omega, unlimited: None }
     }
 
     fn is_beyond(&self) -> bool {
@@ -84,6 +97,10 @@ impl Step {
     }
 
     fn text(&self) -> String {
+        if let Some(integrator) = self.unlimited {
+            let turn = self.step_s * self.omega_max_rad_s;
+            return format!("{:.3} ms; no limit ({integrator}; ω_max h = {turn:.2})", 1e3 * self.step_s);
+        }
         match self.limit_s {
             Some(limit) => format!(
                 "{:.3} ms; stable up to {:.3} ms (2/ω_max alone would say {:.3} ms)",
@@ -122,19 +139,21 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
         patch_springs: patch.springs.len(),
     };
     let linear = matches!(scene.local.linearization, Linearization::Tangent(_));
-    let columns = if patch.springs.is_damped() || scene.material.drag != 0.0 { 6 } else { 3 };
+    let rows = 3 * patch.len();
+    let step = model.step.as_ref();
+    let columns = if step.is_some() || patch.springs.is_damped() || scene.material.drag != 0.0 { 6 } else { 3 };
     let condenses = model.condensation.is_some_and(|(outcome, _)| outcome != Outcome::Held);
     let cost_per_tick = TickCost {
-        matrix: if linear {
-            Some([3 * patch.len(), columns * patch.len()])
-        } else {
-            condenses.then_some([3 * patch.len(); 2])
-        },
+        matrix: if linear { Some([rows, columns * patch.len()]) } else { condenses.then_some([rows; 2]) },
+        products: step.map_or(1, LinearStep::products),
+        response: step.is_some().then_some([rows, rows]),
         springs: (!linear).then_some(patch.springs.len()),
         contact_nodes: model.geometry.largest_support(),
     };
     let stages = match scene.global.integrator {
         GlobalIntegrator::SemiImplicitEuler => 1,
+        // Two or three iterations of Newton's method where the motion is smooth, each with a sparse factorisation.
+        GlobalIntegrator::ImplicitEuler => 3,
         GlobalIntegrator::Rk4 => 4,
     };
     let integrates = scene.parts().iter().any(|part| part.name == "replay of the patch's path" && part.needed)
@@ -162,8 +181,15 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
     held.resize(patch.len() + patch.boundary.len(), 0.0);
     let local_limit = explicit_step_limit(&patch.springs, &simulation.local().state().x, &held, drag);
     let global_limit = explicit_step_limit(&network.springs, &network.rest, &network.inverse_mass, drag);
-    let local_step = Step::new(scene.tick, local_limit);
-    let global_step = Step::new(1.0 / (scene.global.rate * f64::from(scene.global.substeps)), global_limit);
+    let local_step = match scene.integrator {
+        LocalIntegrator::SemiImplicitEuler => Step::new(scene.tick, local_limit),
+        implicit => Step::unlimited(scene.tick, local_limit, implicit.name()),
+    };
+    let substep = 1.0 / (scene.global.rate * f64::from(scene.global.substeps));
+    let global_step = match scene.global.integrator {
+        GlobalIntegrator::ImplicitEuler => Step::unlimited(substep, global_limit, "implicit-euler"),
+        GlobalIntegrator::SemiImplicitEuler | GlobalIntegrator::Rk4 => Step::new(substep, global_limit),
+    };
 
     let parts = scene.parts();
     let named = |needed: bool| parts.iter().filter(|part| part.needed == needed).map(ToString::to_string).collect();
@@ -230,13 +256,20 @@ fn text(e: &Explanation) -> String {
     line("\nLeft out".to_owned());
     e.left_out.iter().for_each(|part| line(format!("  - {part}")));
     line("\nCost per tick".to_owned());
-    let product = |[rows, columns]: [usize; 2]| {
-        format!("one {rows} × {columns} matrix–vector product ({} multiply–adds)", rows * columns)
-    };
-    match (e.cost_per_tick.matrix.map(product), e.cost_per_tick.springs) {
-        (Some(product), Some(springs)) => line(format!("  {springs} springs and {product}, twice in contact")),
-        (Some(product), None) => line(format!("  {product}")),
-        (None, springs) => line(format!("  {} springs, twice in contact", springs.unwrap_or(0))),
+    if let Some([rows, columns]) = e.cost_per_tick.matrix {
+        let count = if e.cost_per_tick.products == 1 { "one" } else { "two" };
+        let multiply_adds = e.cost_per_tick.products as usize * rows * columns;
+        let plural = if e.cost_per_tick.products == 1 { "" } else { "s" };
+        let twice = if e.cost_per_tick.springs.is_some() { ", twice in contact" } else { "" };
+        line(format!(
+            "  {count} {rows} × {columns} matrix–vector product{plural} ({multiply_adds} multiply–adds){twice}"
+        ));
+    }
+    if let Some([rows, columns]) = e.cost_per_tick.response {
+        line(format!("  in contact: three columns of A⁻¹ ({rows} × {columns}) for each node of the contact point"));
+    }
+    if let Some(springs) = e.cost_per_tick.springs {
+        line(format!("  {springs} springs, twice in contact"));
     }
     line("  free: the triangles near the tip, found in a tree of boxes; in contact: the one below it".to_owned());
     line(format!("  a contact point rests on up to {} nodes", e.cost_per_tick.contact_nodes));
@@ -254,7 +287,7 @@ fn text(e: &Explanation) -> String {
             cost.outcome
         ));
     }
-    line("\nExplicit steps".to_owned());
+    line("\nSteps".to_owned());
     line(format!("  local tick      {}", e.local_step.text()));
     if condensation.is_some() {
         line("                  (that of a fixed exterior; one that follows is softer)".to_owned());

@@ -1,7 +1,7 @@
 //! The three contact constraints: what the instrument feels, and how the mesh goes on.
 
 use super::operators::Support;
-use crate::Vec3;
+use crate::{Mat3, Vec3};
 
 /// The constraint between tip and surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,6 +61,51 @@ impl Law {
                     (Mode::Stick, reaction)
                 } else {
                     (Mode::Slip, normal * normal_force + tangential * (bound / tangential_force))
+                }
+            }
+        }
+    }
+}
+
+/// An impulse on the mesh, N·s, and the mode it stands for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Impulse {
+    /// What the contact does.
+    pub mode: Mode,
+    /// Λ.
+    pub value: Vec3,
+    /// Whether the law had no solution and sliding was solved in its place.
+    pub fell_back: bool,
+}
+
+impl Law {
+    /// The impulse Λ that gives the contact point the velocity r more as far as the law allows, where the mesh answers
+    /// with GΛ, G any 3 × 3 matrix, and r·n̂ < 0.
+    ///
+    /// Sticking: Λ = G⁻¹r. Sliding: Λ = n̂(n̂·r)/(n̂·Gn̂). Beyond |Λ_T| = μ|Λ_N|: Λ = a(−n̂ + μt̂) with t̂ = Λ_T/|Λ_T| and
+    /// a = n̂·r / n̂·G(−n̂ + μt̂), so that the contact point follows along the normal. Where G turns an impulse far
+    /// enough, Λ = G⁻¹r would pull (Λ·n̂ ≥ 0) or a is not positive: then there is no such Λ, and sliding is solved.
+    pub fn impulse(self, response: &Mat3, r: Vec3, normal: Vec3) -> Impulse {
+        let along = |direction: Vec3| direction * (normal.dot(&r) / normal.dot(&(response * direction)));
+        let slide = |fell_back| Impulse { mode: Mode::Slide, value: along(normal), fell_back };
+        let hold = || response.try_inverse().map(|inverse| inverse * r).filter(|held| !(held.dot(&normal) >= 0.0));
+        let stick = |value| Impulse { mode: Mode::Stick, value, fell_back: false };
+        match self {
+            Law::Sliding => slide(false),
+            Law::Sticking => hold().map_or_else(|| slide(true), stick),
+            Law::StickSlip { friction } => {
+                let Some(held) = hold() else { return slide(true) };
+                let normal_impulse = held.dot(&normal);
+                let tangential = held - normal * normal_impulse;
+                let tangential_impulse = tangential.norm();
+                if tangential_impulse <= friction * normal_impulse.abs() {
+                    return stick(held);
+                }
+                let value = along(tangential * (friction / tangential_impulse) - normal);
+                if value.dot(&normal) >= 0.0 {
+                    slide(true)
+                } else {
+                    Impulse { mode: Mode::Slip, value, fell_back: false }
                 }
             }
         }

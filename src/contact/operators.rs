@@ -31,6 +31,13 @@ pub struct SupportNode {
     response: f64,
 }
 
+impl SupportNode {
+    /// gᵢ.
+    pub fn response(&self) -> f64 {
+        self.response
+    }
+}
+
 /// W of one contact point: its free nodes and their weights.
 ///
 /// ```

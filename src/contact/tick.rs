@@ -3,7 +3,7 @@
 //! velocity alone. Allocates nothing, locks nothing, does no I/O.
 
 use super::collision::{Collision, START_TOLERANCE, first_collision};
-use super::law::{Law, Mode};
+use super::law::{Impulse, Law, Mode};
 use super::limit::MovingLimit;
 use super::operators::{Metric, Support};
 use super::subdivision::LARGEST_SUPPORT;
@@ -101,6 +101,16 @@ pub enum Grip {
     Tension,
 }
 
+impl Grip {
+    fn of(mode: Mode) -> Self {
+        match mode {
+            Mode::Stick => Grip::Stick,
+            Mode::Slip => Grip::Slip,
+            Mode::Slide | Mode::Free => Grip::Slide,
+        }
+    }
+}
+
 /// What a tick did.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TickReport {
@@ -118,6 +128,8 @@ pub struct TickReport {
     pub released: bool,
     /// Whether the contact was rigid.
     pub rigid: bool,
+    /// Whether the law had no solution for the contact's response, and sliding was solved in its place.
+    pub fell_back: bool,
 }
 
 impl TickReport {
@@ -130,6 +142,7 @@ impl TickReport {
             collision_time: None,
             released,
             rigid: false,
+            fell_back: false,
         }
     }
 
@@ -166,6 +179,8 @@ pub struct LocalSimulation {
     support: Support,
     visited: Visited,
     hits: Vec<Collision>,
+    /// Λ·(what was left of the way to the tip)/h of the last tick, J, where the model has a [`LinearStep`].
+    work_left: f64,
 }
 
 impl LocalSimulation {
@@ -183,6 +198,7 @@ impl LocalSimulation {
             support: Support::with_capacity(LARGEST_SUPPORT),
             visited: Visited::new(triangles),
             hits: Vec::with_capacity(triangles),
+            work_left: 0.0,
         }
     }
 
@@ -241,10 +257,12 @@ impl LocalSimulation {
     }
 
     /// ½ Δvᵀ M Δv of the last tick, J, under the velocity scheme. The geometric one has no such term: it
-    /// changes velocities in several places and keeps no energy book.
+    /// changes velocities in several places and keeps no energy book. Nor have steps whose impulse acts over the
+    /// whole tick: they lose the work of Λ over what [`follow`](Self::follow) closes.
     pub fn impact_loss(&self) -> f64 {
         match self.rules.scheme {
             Scheme::Geometric { .. } => 0.0,
+            Scheme::Velocity if self.model.step.as_ref().is_some_and(|step| !step.dissipates()) => self.work_left,
             // Prediction and state changed places: the predicted velocities are those before the tick.
             Scheme::Velocity => {
                 let velocities = self.state.v.iter().zip(&self.state.v_predicted);
@@ -256,8 +274,16 @@ impl LocalSimulation {
 
     /// One tick, in which the tip goes from q₀ to q₁.
     pub fn tick(&mut self, q0: Vec3, q1: Vec3) -> TickReport {
-        self.model.evaluate_forces(self.elapsed(), &mut self.state);
-        self.predict();
+        match &self.model.step {
+            None => {
+                self.model.evaluate_forces(self.elapsed(), &mut self.state);
+                self.predict();
+            }
+            Some(step) => {
+                self.work_left = 0.0;
+                self.model.predict(step, self.elapsed(), &mut self.state);
+            }
+        }
         let report = match self.meet(q0, q1) {
             None => self.release(),
             Some(meeting) => self.respond(meeting, q0, q1),
@@ -349,6 +375,9 @@ impl LocalSimulation {
         if self.support.free_weight() < RIGID_BELOW {
             return self.respond_rigidly(touch, collision_time, q0, q1);
         }
+        if self.model.step.is_some() {
+            return self.follow(touch, collision_time, q1);
+        }
 
         let reaction = match self.rules.scheme {
             Scheme::Geometric { deformation, .. } => {
@@ -368,12 +397,7 @@ impl LocalSimulation {
             Scheme::Geometric { .. } => self.integrate(mode, touch.normal, force, rest),
             Scheme::Velocity => self.integrate_pushed(force),
         }
-        let grip = match mode {
-            Mode::Stick => Grip::Stick,
-            Mode::Slip => Grip::Slip,
-            Mode::Slide | Mode::Free => Grip::Slide,
-        };
-        self.contact = Some(Contact { point, grip });
+        self.contact = Some(Contact { point, grip: Grip::of(mode) });
         TickReport { collision_time, ..TickReport::touching(mode, force, touch) }
     }
 
@@ -393,6 +417,47 @@ impl LocalSimulation {
         for (x, v) in x.iter_mut().zip(v).take(self.model.patch.len()) {
             *x += *v * self.step;
         }
+    }
+
+    /// The velocity scheme where an impulse moves the whole patch: v = v* + A⁻¹WᵀΛ with Λ by the law for G = WA⁻¹Wᵀ and
+    /// r = (q₁ − p)/h − W v*, so that the constraint holds for the velocity at the tick's end.
+    ///
+    /// x = x* + XWᵀΛ is the integrator's own way. It ends at the tip if x advances by h v. Otherwise, the midpoint rule
+    /// and the exact solution, the contact point misses the tip by what its velocity was off before the tick's end:
+    /// h W(v − v₋)/2 for the midpoint rule, nothing as long as the tip keeps its velocity. Constraining the mean
+    /// velocity instead would leave no gap, but alternate: 2u, 0, 2u … after a jump to u. The gap is closed along XWᵀ, in
+    /// the directions that the mode holds: as if the velocity of the tick's start had met the constraint too.
+    fn follow(&mut self, touch: Touch, collision_time: Option<f64>, q1: Vec3) -> TickReport {
+        let Self { model, state, support, step: h, .. } = self;
+        let LocalState { x, v_predicted, x_predicted, response, .. } = state;
+        let (n, way) = (touch.normal, q1 - touch.position);
+        let r = way / *h - support.velocity(v_predicted);
+        // What is not a number is no tension: it goes on to the fail-safe.
+        let impulse = model.step.as_ref().filter(|_| !(r.dot(&n) >= 0.0)).map(|step| {
+            step.respond(support, response);
+            let [g, gx] = response.at_contact(support);
+            (self.rules.law.impulse(&g, r, n), gx)
+        });
+        // An exact step whose modes turn within the tick may answer a push the other way: nothing can be pushed then.
+        let Some((Impulse { mode, value, fell_back }, gx)) = impulse.filter(|(push, _)| !(push.value.dot(&n) >= 0.0))
+        else {
+            self.contact = Some(Contact { point: touch.point, grip: Grip::Tension });
+            self.accept_prediction();
+            return TickReport { collision_time, ..TickReport::free(false) };
+        };
+        let left = way - (support.velocity(x_predicted) - support.velocity(x)) - gx * value;
+        let (left, closing) = match mode {
+            Mode::Stick => (left, gx.try_inverse().map_or(Vec3::zeros(), |inverse| inverse * left)),
+            Mode::Slide | Mode::Slip | Mode::Free => {
+                let left = n.dot(&left);
+                (n * left, n * (left / n.dot(&(gx * n))))
+            }
+        };
+        response.push([value + closing, value], x_predicted, v_predicted);
+        self.work_left = value.dot(&left) / *h;
+        self.accept_prediction();
+        self.contact = Some(Contact { point: touch.point, grip: Grip::of(mode) });
+        TickReport { collision_time, fell_back, ..TickReport::touching(mode, value * (-1.0 / self.step), touch) }
     }
 
     /// Step 3: moves the contact point to the tip (for sliding, along the normal only), and brings

@@ -6,6 +6,7 @@ use thiserror::Error;
 use crate::Vec3;
 use crate::contact::law::Mode;
 use crate::contact::tick::{LocalSimulation, TickReport};
+use crate::model::local::ModelError;
 use crate::model::network::State;
 
 /// A node further from its rest place than this many diagonals of the rest mesh has run away.
@@ -23,6 +24,9 @@ pub enum Cause {
         /// The node.
         node: u32,
     },
+    /// The model of the next cycle cannot be built.
+    #[error(transparent)]
+    NoModel(ModelError),
     /// A node is too far from its rest place.
     #[error("node {node} ran away: {distance_m:.3} m from its rest place, more than {limit_m:.3} m")]
     Runaway {
@@ -113,10 +117,19 @@ impl FailSafe {
     pub fn check_network(&mut self, tick: u64, tip: Vec3, state: &State) -> Result<(), Fault> {
         let mut nodes = (0..).zip(&self.rest).zip(state.x.iter().zip(&state.v));
         if let Some(cause) = nodes.find_map(|((node, rest), (x, v))| self.node_cause(node, rest, x, v)) {
-            let fault = Fault { tick, cause, mode: Mode::Free.name(), force: Vec3::zeros(), tip, model_age: 0 };
-            return Err(*self.latched.get_or_insert(fault));
+            return Err(self.at_boundary(tick, tip, cause));
         }
         Ok(())
+    }
+
+    /// The fault of a boundary at which no model could be built.
+    pub fn no_model(&mut self, tick: u64, tip: Vec3, error: ModelError) -> Fault {
+        self.at_boundary(tick, tip, Cause::NoModel(error))
+    }
+
+    fn at_boundary(&mut self, tick: u64, tip: Vec3, cause: Cause) -> Fault {
+        let fault = Fault { tick, cause, mode: Mode::Free.name(), force: Vec3::zeros(), tip, model_age: 0 };
+        *self.latched.get_or_insert(fault)
     }
 
     fn node_cause(&self, node: u32, rest: &Vec3, x: &Vec3, v: &Vec3) -> Option<Cause> {

@@ -10,7 +10,7 @@ use crate::contact::subdivision::LARGEST_SUPPORT;
 use crate::contact::surface::ContactPoint;
 use crate::contact::tick::{Contact, Grip, RIGID_BELOW};
 use crate::model::condensation::CondensationCounts;
-use crate::model::local::{LocalModel, LocalModelBuilder, LocalState};
+use crate::model::local::{LocalModel, LocalModelBuilder, LocalState, ModelError};
 use crate::model::network::{Network, State};
 use crate::model::surface::Surface;
 use crate::model::work::WorkCounts;
@@ -123,10 +123,15 @@ impl Trajectory {
         }
     }
 
+    /// The patch in use in a tick.
+    fn segment(&self, tick: usize) -> Option<&Segment> {
+        self.segments.iter().rev().find(|segment| segment.first_tick <= tick)
+    }
+
     /// Sets the nodes of the patch in use to where they were in a tick, at `time`, in ticks from the
     /// start of the cycle: linear between the tick's start and end.
     fn prescribe(&self, tick: usize, time: f64, state: &mut State) {
-        let Some(segment) = self.segments.iter().rev().find(|segment| segment.first_tick <= tick) else { return };
+        let Some(segment) = self.segment(tick) else { return };
         let m = segment.nodes.len();
         let fraction = time - tick as f64;
         let at = (tick - segment.first_tick) * m;
@@ -159,17 +164,29 @@ struct Replayed<'a> {
     substeps: u32,
 }
 
-impl Constraint for Replayed<'_> {
-    // What accelerations do to patch nodes is overwritten.
-    fn accelerations(&self, _: &mut [Vec3]) {}
-
-    fn state(&self, ahead: f64, state: &mut State) {
+impl Replayed<'_> {
+    /// A time of the step, in ticks from the start of the cycle, and the tick it belongs to.
+    fn time(&self, ahead: f64) -> (f64, usize) {
         // Product first: a substep that ends with a tick must come out as a whole number.
         let time = (f64::from(self.substep) + ahead) * f64::from(self.ticks) / f64::from(self.substeps);
         // A hand-over may come at a whole tick: the start of a step belongs to the tick it begins,
         // all later times to the tick they end.
         let tick = if ahead > 0.0 { time.ceil() - 1.0 } else { time.floor() };
-        self.trajectory.prescribe(tick as usize, time, state);
+        (time, tick as usize)
+    }
+}
+
+impl Constraint for Replayed<'_> {
+    // What accelerations do to patch nodes is overwritten.
+    fn accelerations(&self, _: &mut [Vec3]) {}
+
+    fn state(&self, ahead: f64, state: &mut State) {
+        let (time, tick) = self.time(ahead);
+        self.trajectory.prescribe(tick, time, state);
+    }
+
+    fn prescribed(&self) -> &[u32] {
+        self.trajectory.segment(self.time(1.0).1).map_or(&[], |segment| &segment.nodes)
     }
 }
 
@@ -183,6 +200,10 @@ impl Constraint for Held<'_> {
 
     fn state(&self, _: f64, state: &mut State) {
         self.0.project_sticking(&mut state.v);
+    }
+
+    fn held(&self) -> Option<&Support> {
+        Some(self.0)
     }
 }
 
@@ -233,27 +254,36 @@ impl GlobalSimulation {
     }
 
     /// The model of the network as it is, around the tip.
-    pub fn first_model(&mut self, tip: Vec3) -> ModelMessage {
+    ///
+    /// # Errors
+    /// If it cannot be built.
+    pub fn first_model(&mut self, tip: Vec3) -> Result<ModelMessage, ModelError> {
         self.model(tip)
     }
 
     /// Brings the network over the cycle just past, and builds the model of the next.
-    pub fn advance(&mut self, message: &CycleMessage) -> ModelMessage {
+    ///
+    /// # Errors
+    /// If that cannot be built.
+    pub fn advance(&mut self, message: &CycleMessage) -> Result<ModelMessage, ModelError> {
         match self.settings.sync {
             SyncMode::Replay => self.replay(&message.trajectory),
             SyncMode::Overwrite => self.overwrite(&message.trajectory),
+        }
+        if let Some(error) = self.stepper.failure() {
+            return Err(ModelError::NotSolved(error));
         }
         self.contact = message.contact;
         self.model(message.tip)
     }
 
-    fn model(&mut self, tip: Vec3) -> ModelMessage {
+    fn model(&mut self, tip: Vec3) -> Result<ModelMessage, ModelError> {
         let point = self.contact.map(|contact| contact.point);
         let around = point.map_or(tip, |point| self.position(&point));
         let touched = point.map(|point| point.triangle);
         self.models_built += 1;
-        let (model, state) = self.builder.build(&self.network, &self.state, around, touched);
-        ModelMessage { model, state }
+        let (model, state) = self.builder.build(&self.network, &self.state, around, touched)?;
+        Ok(ModelMessage { model, state })
     }
 
     /// The nodes that a contact point rests on, with their weights.

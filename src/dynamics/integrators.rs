@@ -1,6 +1,8 @@
 //! Steps of the whole network under a constraint that the caller imposes.
 
+use super::implicit::{Newton, NotSolved};
 use crate::Vec3;
+use crate::contact::operators::Support;
 use crate::model::network::{Network, State, snap_to_rest};
 
 /// How the full model is integrated between boundaries.
@@ -8,8 +10,21 @@ use crate::model::network::{Network, State, snap_to_rest};
 pub enum GlobalIntegrator {
     /// (11): v ← v + h M⁻¹f, x ← x + h v. First order, symplectic without damping.
     SemiImplicitEuler,
+    /// v ← v + h M⁻¹f(x + hv, v) with the new v, x ← x + h v. First order, stable at every step, dissipative.
+    ImplicitEuler,
     /// The classical fourth-order Runge–Kutta method.
     Rk4,
+}
+
+impl GlobalIntegrator {
+    /// The name in a scene.
+    pub fn name(self) -> &'static str {
+        match self {
+            GlobalIntegrator::SemiImplicitEuler => "semi-implicit-euler",
+            GlobalIntegrator::ImplicitEuler => "implicit-euler",
+            GlobalIntegrator::Rk4 => "rk4",
+        }
+    }
 }
 
 /// Something imposed on the network while it is integrated.
@@ -19,6 +34,14 @@ pub trait Constraint {
     /// Makes a state respect it, at a fraction `ahead` of the step that is being done: 0 as the step
     /// begins, 1 as it ends.
     fn state(&self, ahead: f64, state: &mut State);
+    /// The nodes that [`state`](Self::state) puts where it wants at the end of a step.
+    fn prescribed(&self) -> &[u32] {
+        &[]
+    }
+    /// The contact point that [`accelerations`](Self::accelerations) holds by its P.
+    fn held(&self) -> Option<&Support> {
+        None
+    }
 }
 
 /// The free network.
@@ -54,6 +77,9 @@ pub struct Stepper {
     sum: State,
     /// Evaluations of the network's forces so far.
     evaluations: u64,
+    newton: Newton,
+    /// The first step that was not solved. No step is done after it.
+    failure: Option<NotSolved>,
 }
 
 impl Stepper {
@@ -61,12 +87,17 @@ impl Stepper {
     pub fn new(network: &Network) -> Self {
         let zeros = vec![Vec3::zeros(); network.node_count()];
         let state = State { x: zeros.clone(), v: zeros.clone() };
-        Self { f: zeros, stage: state.clone(), sum: state, evaluations: 0 }
+        Self { f: zeros, stage: state.clone(), sum: state, evaluations: 0, newton: Newton::default(), failure: None }
     }
 
     /// How often it evaluated a network's forces.
     pub fn evaluations(&self) -> u64 {
         self.evaluations
+    }
+
+    /// Why an implicit step was not done, if one was not.
+    pub fn failure(&self) -> Option<NotSolved> {
+        self.failure
     }
 
     /// One step of length h. Fixed nodes do not move.
@@ -80,6 +111,11 @@ impl Stepper {
     ) {
         match integrator {
             GlobalIntegrator::SemiImplicitEuler => self.semi_implicit_euler(network, state, h, constraint),
+            GlobalIntegrator::ImplicitEuler if self.failure.is_some() => {}
+            GlobalIntegrator::ImplicitEuler => match self.newton.step(network, state, h, constraint) {
+                Ok(evaluations) => self.evaluations += evaluations,
+                Err(error) => self.failure = Some(error),
+            },
             GlobalIntegrator::Rk4 => self.rk4(network, state, h, constraint),
         }
         snap_to_rest(&mut state.v);

@@ -2,5 +2,6 @@
 
 pub mod energy;
 pub mod global;
+pub mod implicit;
 pub mod integrators;
 pub mod stability;

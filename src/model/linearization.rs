@@ -1,7 +1,7 @@
 //! Tangent forces of a patch (3)–(4): f = f₀ + K(x − x₀) + D(v − v₀), and under a drifting
 //! exterior + (t − t_k) K_LE v_E₀; under a condensed one K becomes K + C.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::network::ExternalForce;
 use super::patch::Patch;
@@ -137,6 +137,52 @@ impl LinearForces {
     /// Entry of \[K D\], N/m or N·s/m.
     pub fn entry(&self, row: usize, column: usize) -> f64 {
         if column < self.columns { self.panels[self.position(row, column)] } else { 0.0 }
+    }
+
+    /// Another affine map of (x, v, t) about the same state: constant + by_x (x − x₀) + by_v (v − v₀) + growth (t − t_k).
+    pub(super) fn with_coefficients(
+        &self,
+        constant: &DVector<f64>,
+        [by_x, by_v]: [&DMatrix<f64>; 2],
+        growth: &DVector<f64>,
+    ) -> Self {
+        let columns = 2 * self.dof;
+        let mut map = Self {
+            columns,
+            panels: vec![0.0; self.f0.len() * columns],
+            f0: vec![0.0; self.f0.len()],
+            drift: self.drift.is_some().then(|| bytemuck::cast_slice(growth.as_slice()).to_vec()),
+            ..self.clone()
+        };
+        map.f0[..self.dof].copy_from_slice(constant.as_slice());
+        for row in 0..self.dof {
+            for column in 0..self.dof {
+                let [on_x, on_v] = [column, self.dof + column].map(|column| map.position(row, column));
+                (map.panels[on_x], map.panels[on_v]) = (by_x[(row, column)], by_v[(row, column)]);
+            }
+        }
+        map
+    }
+
+    /// x₀ and v₀.
+    pub(super) fn start(&self) -> (&[Vec3], &[Vec3]) {
+        (&self.x0, &self.v0)
+    }
+
+    /// f₀, 3m values.
+    pub(super) fn constant(&self) -> &[f64] {
+        &self.f0[..self.dof]
+    }
+
+    /// K_LE v_E₀, N/s, under a drifting exterior.
+    pub(super) fn drift(&self) -> Option<&[Vec3]> {
+        self.drift.as_deref()
+    }
+
+    /// Whether every coefficient is a finite number.
+    pub(super) fn is_finite(&self) -> bool {
+        let drift = self.drift.iter().flatten().flat_map(|drift| drift.iter());
+        self.panels.iter().chain(&self.f0).chain(drift).all(|entry| entry.is_finite())
     }
 
     /// How long the argument of [`evaluate`](Self::evaluate)'s `offset` is: 3m, or 6m with D.

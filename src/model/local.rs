@@ -3,16 +3,20 @@
 
 use std::sync::Arc;
 
+use thiserror::Error;
+
 use super::condensation::{Condensation, CondensationCounts, Condensed, CondensedSize, Condenser, Outcome};
 use super::linearization::LinearForces;
 use super::network::{ExternalForce, Network, State};
 use super::patch::{Extent, OUTSIDE, Patch, PatchSelector};
 use super::springs::TangentKind;
+use super::step::{ContactResponse, LinearStep, LocalIntegrator};
 use super::surface::Surface;
 use super::work::WorkCounts;
 use crate::Vec3;
 use crate::contact::surface::ContactGeometry;
 use crate::contact::tree::{Boxes, TriangleTree};
+use crate::dynamics::implicit::NotSolved;
 
 /// Which approximation of the network the haptic loop runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -38,6 +42,24 @@ pub enum Linearization {
     Tangent(TangentKind),
     /// The springs of the patch stay nonlinear.
     None,
+}
+
+/// Why a local model cannot be built.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum ModelError {
+    /// The equations of one tick have no solution, or none that is finite.
+    #[error(
+        "the {integrator} step of the local model has no finite solution: its matrix of {rows} rows is singular or not finite"
+    )]
+    NoStep {
+        /// Its name in a scene.
+        integrator: &'static str,
+        /// 3m.
+        rows: usize,
+    },
+    /// The network it is to be built from was not brought over the cycle.
+    #[error(transparent)]
+    NotSolved(#[from] NotSolved),
 }
 
 /// What the nodes outside the patch do until the next hand-over.
@@ -87,6 +109,8 @@ pub struct LocalModel {
     start: Vec<Vec3>,
     exterior: Exterior,
     forces: LocalForces,
+    /// The tick of an integrator that solves the linear model as a whole.
+    pub step: Option<LinearStep>,
     external: Vec<ExternalForce>,
     /// What became of a condensed exterior, and what it took.
     pub condensation: Option<(Outcome, CondensedSize)>,
@@ -115,6 +139,8 @@ pub struct LocalState {
     pub v_predicted: Vec<Vec3>,
     /// Scratch of collision detection: positions within a tick, m. Empty where it needs none.
     pub x_between: Vec<Vec3>,
+    /// Answer of the patch to the contact, where the model has a [`LinearStep`].
+    pub response: ContactResponse,
     /// Scratch of the linear forces.
     offset: Vec<f64>,
     /// What was computed to get here.
@@ -130,6 +156,9 @@ pub struct LocalModelBuilder {
     tree: Arc<TriangleTree>,
     selector: PatchSelector,
     condenser: Option<Condenser>,
+    integrator: LocalIntegrator,
+    /// h, s.
+    tick: f64,
 }
 
 impl LocalModelBuilder {
@@ -141,7 +170,13 @@ impl LocalModelBuilder {
             ExteriorKind::Condensed(condensation) => Some(Condenser::new(network, condensation)),
             ExteriorKind::Fixed | ExteriorKind::Drifting => None,
         };
-        Self { settings, surface, geometry, tree, selector, condenser }
+        let integrator = LocalIntegrator::SemiImplicitEuler;
+        Self { settings, surface, geometry, tree, selector, condenser, integrator, tick: 0.0 }
+    }
+
+    /// The same with ticks of `tick` seconds by this integrator. Without it, models are for the explicit one.
+    pub fn with_integrator(self, integrator: LocalIntegrator, tick: f64) -> Self {
+        Self { integrator, tick, ..self }
     }
 
     /// What the tip feels.
@@ -156,13 +191,16 @@ impl LocalModelBuilder {
 
     /// The model of the network at `state` around `point` (the contact point, or the tip where
     /// there is no contact), and that model's own state.
+    ///
+    /// # Errors
+    /// If the integrator's equations have no solution.
     pub fn build(
         &mut self,
         network: &Network,
         state: &State,
         point: Vec3,
         touched: Option<u32>,
-    ) -> (LocalModel, LocalState) {
+    ) -> Result<(LocalModel, LocalState), ModelError> {
         let surface = &self.surface;
         let support = touched.map_or(&[][..], |triangle| self.geometry.support(surface, triangle));
         let patch = self.selector.select(network, surface, &state.x, point, support, self.settings.extent);
@@ -203,9 +241,14 @@ impl LocalModelBuilder {
                 LocalForces::Tangent(linear)
             }
         };
-        let offset = match &forces {
-            LocalForces::Tangent(linear) | LocalForces::SpringsAnd(linear) => vec![0.0; linear.offset_len()],
-            LocalForces::Springs => Vec::new(),
+        let (step, offset) = match &forces {
+            LocalForces::Tangent(linear) => {
+                let step = LinearStep::new(self.integrator, linear, &patch.mass, self.tick)?;
+                let offset = step.as_ref().map_or(linear.offset_len(), LinearStep::offset_len);
+                (step, vec![0.0; offset])
+            }
+            LocalForces::SpringsAnd(linear) => (None, vec![0.0; linear.offset_len()]),
+            LocalForces::Springs => (None, Vec::new()),
         };
         let boxes = Boxes::new(self.tree.clone(), surface, &self.geometry, &exterior.vertices);
         let state = LocalState {
@@ -218,6 +261,7 @@ impl LocalModelBuilder {
             },
             x,
             v,
+            response: step.as_ref().map_or_else(ContactResponse::default, |_| ContactResponse::new(patch.len())),
             offset,
             work: WorkCounts::default(),
         };
@@ -229,10 +273,11 @@ impl LocalModelBuilder {
             geometry: self.geometry.clone(),
             exterior,
             forces,
+            step,
             external: network.external.clone(),
             condensation: condensed.map(|Condensed { outcome, size, .. }| (outcome, size)),
         };
-        (model, state)
+        Ok((model, state))
     }
 }
 
@@ -266,6 +311,13 @@ impl LocalModel {
         for force in &self.external {
             force.add(&self.patch.mass, v, f);
         }
+    }
+
+    /// x* and v* of a free tick by the model's own step, from a tick's start at `elapsed` seconds.
+    pub fn predict(&self, step: &LinearStep, elapsed: f64, state: &mut LocalState) {
+        let LocalState { x, v, x_predicted, v_predicted, offset, work, .. } = state;
+        step.predict(elapsed, [x, v], offset, [x_predicted, v_predicted]);
+        work.matrix_products += step.products();
     }
 
     /// Brings `state.f` up to date after the nodes in `moved` were displaced by the given amounts.

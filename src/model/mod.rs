@@ -10,5 +10,6 @@ pub mod mesh;
 pub mod network;
 pub mod patch;
 pub mod springs;
+pub mod step;
 pub mod surface;
 pub mod work;

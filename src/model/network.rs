@@ -52,7 +52,7 @@ pub struct Material {
 }
 
 /// Positions and velocities of every node.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct State {
     /// m.
     pub x: Vec<Vec3>,

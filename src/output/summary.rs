@@ -50,6 +50,7 @@ pub struct Recorder {
     tension_ticks: u64,
     patch_exits: u64,
     tunnelling_ticks: u64,
+    fallback_ticks: u64,
     energy: EnergySummary,
     work: WorkCounts,
     condensation: Option<CondensationCounts>,
@@ -120,6 +121,8 @@ pub struct Summary {
     pub patch_exits: u64,
     /// Ticks with the tip inside the surface, no force and no contact kept; must be 0.
     pub tunnelling_ticks: u64,
+    /// Ticks in which the law had no solution for the contact's response and sliding was solved in its place.
+    pub fallback_ticks: u64,
     /// N.
     pub largest_force_n: f64,
     /// N.
@@ -154,6 +157,7 @@ impl Recorder {
         self.releases += u64::from(report.released);
         self.collisions += u64::from(report.collision_time.is_some());
         self.patch_exits += u64::from(report.rigid);
+        self.fallback_ticks += u64::from(report.fell_back);
         if report.mode == Mode::Free {
             if view.local.contact().is_some() {
                 self.tension_ticks += 1;
@@ -227,6 +231,7 @@ impl Recorder {
             tension_ticks: self.tension_ticks,
             patch_exits: self.patch_exits,
             tunnelling_ticks: self.tunnelling_ticks,
+            fallback_ticks: self.fallback_ticks,
             largest_force_n: largest(|sample| sample.force.norm()),
             largest_normal_force_n: largest(|sample| sample.normal_force),
             largest_tangential_force_n: largest(|sample| sample.tangential_force),

@@ -9,6 +9,7 @@ use thiserror::Error;
 
 use super::keys::accepted;
 use crate::device::instrument::PathError;
+use crate::model::local::ModelError;
 use crate::model::surface::SurfaceError;
 
 /// What is wrong.
@@ -43,6 +44,16 @@ pub enum Problem {
         key: &'static str,
         /// What makes it so.
         because: &'static str,
+    },
+    /// A value that another key does not allow.
+    #[error("`{key} = {value:?}` needs {needs}")]
+    Needs {
+        /// The key.
+        key: &'static str,
+        /// Its value.
+        value: &'static str,
+        /// What is missing.
+        needs: &'static str,
     },
     /// Two keys say the same thing.
     #[error("`{0}` and `{1}` cannot both be given")]
@@ -90,6 +101,9 @@ pub enum Problem {
     /// The mesh has no proper surface.
     #[error(transparent)]
     Surface(#[from] SurfaceError),
+    /// The first local model cannot be built.
+    #[error(transparent)]
+    Model(#[from] ModelError),
 }
 
 impl Problem {
@@ -99,6 +113,7 @@ impl Problem {
             Problem::NotAccepted { key, .. }
             | Problem::Missing(key)
             | Problem::NoEffect { key, .. }
+            | Problem::Needs { key, .. }
             | Problem::Both(key, _)
             | Problem::WrongLength { key, .. }
             | Problem::Path { key, .. } => Some(key),
@@ -106,7 +121,8 @@ impl Problem {
             | Problem::Syntax(_)
             | Problem::TooLarge { .. }
             | Problem::TipInside { .. }
-            | Problem::Surface(_) => None,
+            | Problem::Surface(_)
+            | Problem::Model(_) => None,
         }
     }
 }

@@ -104,6 +104,7 @@ pub struct GlobalTable {
 pub enum GlobalIntegratorName {
     #[default]
     SemiImplicitEuler,
+    ImplicitEuler,
     Rk4,
 }
 
@@ -119,8 +120,7 @@ pub struct LocalTable {
     pub tangent: Option<Spanned<TangentName>>,
     pub condense_rings: Option<Spanned<Rings>>,
     pub far_field: Option<Spanned<FarFieldName>>,
-    #[serde(default)]
-    pub integrator: LocalIntegratorName,
+    pub integrator: Option<Spanned<LocalIntegratorName>>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -177,11 +177,13 @@ pub enum TangentName {
     Stabilised,
 }
 
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LocalIntegratorName {
-    #[default]
     SemiImplicitEuler,
+    ImplicitEuler,
+    ImplicitMidpoint,
+    Exponential,
 }
 
 #[derive(Debug, Deserialize)]

@@ -25,7 +25,7 @@ pub const KEYS: &[(&str, &str)] = &[
     ("material.gravity", "three finite numbers, in m/s² (default [0, 0, 0])"),
     ("global", "a table of `rate`, `integrator`, `substeps`"),
     ("global.rate", "a finite number above 0, in Hz, of which `local.rate` is a whole multiple (default 10)"),
-    ("global.integrator", "\"semi-implicit-euler\" (default) or \"rk4\""),
+    ("global.integrator", "\"semi-implicit-euler\" (default), \"implicit-euler\" or \"rk4\""),
     ("global.substeps", "a whole number of at least 1: equal steps per cycle (default 100)"),
     (
         "local",
@@ -51,7 +51,10 @@ pub const KEYS: &[(&str, &str)] = &[
         "local.far_field",
         "\"fixed\" (default) or \"coarse\": the exterior beyond `condense_rings`; only with a number of these",
     ),
-    ("local.integrator", "\"semi-implicit-euler\" (default)"),
+    (
+        "local.integrator",
+        "\"semi-implicit-euler\" (default), \"implicit-euler\", \"implicit-midpoint\" or \"exponential\"; but the first only with `linearization = \"tangent\"` and `contact.scheme = \"velocity\"`",
+    ),
     ("contact", "a table with `law`"),
     ("contact.law", "\"sliding\", \"sticking\" or \"stick-slip\""),
     ("contact.friction", "a finite number of at least 0; required with `law = \"stick-slip\"`, only allowed there"),

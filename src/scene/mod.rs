@@ -25,6 +25,7 @@ use crate::dynamics::integrators::GlobalIntegrator;
 use crate::model::local::LocalSettings;
 use crate::model::mesh::Block;
 use crate::model::network::Material;
+use crate::model::step::LocalIntegrator;
 
 /// A checked scene: every value is finite and in range, and every key has an effect.
 ///
@@ -59,6 +60,8 @@ pub struct Scene {
     pub is_full: bool,
     /// The local model.
     pub local: LocalSettings,
+    /// How the local model is integrated.
+    pub integrator: LocalIntegrator,
     /// Which surface the tip feels.
     pub surface: ContactSurface,
     /// The contact.

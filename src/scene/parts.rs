@@ -9,9 +9,11 @@ use crate::contact::operators::Metric;
 use crate::contact::surface::ContactSurface;
 use crate::contact::tick::Scheme;
 use crate::dynamics::global::SyncMode;
+use crate::dynamics::integrators::GlobalIntegrator;
 use crate::model::condensation::{Condensation, FarField, Reach};
 use crate::model::local::{ExteriorKind, Linearization};
 use crate::model::patch::Extent;
+use crate::model::step::LocalIntegrator;
 
 /// A part of the pipeline that not every scene needs.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -108,6 +110,11 @@ impl Scene {
             part("subdivision tables", self.surface == ContactSurface::Subdivision, surface_is.to_owned()),
             part("linearisation (K, D)", linear, linear_is.to_owned()),
             part(
+                "solution of the linear model over a tick (A⁻¹)",
+                self.integrator != LocalIntegrator::SemiImplicitEuler,
+                format!("local.integrator = {:?}", self.integrator.name()),
+            ),
+            part(
                 "exterior at rest or moving",
                 !takes_all,
                 if self.is_full { model.to_owned() } else { format!("local.rings: {:?}", self.local.extent) },
@@ -116,6 +123,11 @@ impl Scene {
             part("condensation (sparse factorisation)", condenses && !takes_all, exterior_is.to_owned()),
             part("coarse far field", coarsens && !takes_all, far_field_is.to_owned()),
             part("replay of the patch's path", replays, sync_is.to_owned()),
+            part(
+                "sparse factorisation of the network",
+                self.global.integrator == GlobalIntegrator::ImplicitEuler && !self.is_full,
+                format!("global.integrator = {:?}", self.global.integrator.name()),
+            ),
             part(
                 "hand-over latency",
                 self.global.latency_ticks > 0,

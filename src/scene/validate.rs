@@ -24,6 +24,7 @@ use crate::model::mesh::{Block, Stencil};
 use crate::model::network::Material;
 use crate::model::patch::Extent;
 use crate::model::springs::TangentKind;
+use crate::model::step::LocalIntegrator;
 
 /// How far from a whole number a ratio of two decimal inputs may be and still mean one: a few
 /// roundings of numbers up to 1e9 ticks.
@@ -106,7 +107,6 @@ impl Checker {
     fn scene(&self, file: SceneFile, folder: &Path) -> Placed<Scene> {
         let name = self.name(&file.name)?;
         let duration = self.number("duration", &file.duration, Sign::Positive)?;
-        let LocalIntegratorName::SemiImplicitEuler = file.local.integrator;
         let ScheduleName::Lockstep = file.run.schedule;
 
         let local_rate = self.number_or("local.rate", &file.local.rate, 1000.0, Sign::Positive)?;
@@ -130,7 +130,8 @@ impl Checker {
         })? as u64;
 
         let local = self.local(&file.local)?;
-        let (block, fixed) = self.mesh(&file.mesh, &local, [tick_count, u64::from(ticks_per_cycle)])?;
+        let integrator = self.integrator(&file.local, file.contact.get_ref())?;
+        let (block, fixed) = self.mesh(&file.mesh, &local, integrator, [tick_count, u64::from(ticks_per_cycle)])?;
         let material = self.material(&file.material, &block)?;
 
         let latency_ticks = match &file.sync.latency_ticks {
@@ -145,6 +146,7 @@ impl Checker {
             rate: global_rate,
             integrator: match file.global.integrator {
                 GlobalIntegratorName::SemiImplicitEuler => GlobalIntegrator::SemiImplicitEuler,
+                GlobalIntegratorName::ImplicitEuler => GlobalIntegrator::ImplicitEuler,
                 GlobalIntegratorName::Rk4 => GlobalIntegrator::Rk4,
             },
             substeps: self.count_or("global.substeps", &file.global.substeps, 100)?,
@@ -167,6 +169,7 @@ impl Checker {
             global,
             is_full,
             local,
+            integrator,
             surface: match file.contact.get_ref().surface {
                 SurfaceName::Faceted => ContactSurface::Faceted,
                 SurfaceName::Shaded => ContactSurface::Shaded,
@@ -188,7 +191,13 @@ impl Checker {
         Err(self.error(Problem::NotAccepted { key: "name", value: format!("{text:?}") }, name.span()))
     }
 
-    fn mesh(&self, table: &Spanned<MeshTable>, local: &LocalSettings, ticks: [u64; 2]) -> Placed<(Block, Vec<bool>)> {
+    fn mesh(
+        &self,
+        table: &Spanned<MeshTable>,
+        local: &LocalSettings,
+        integrator: LocalIntegrator,
+        ticks: [u64; 2],
+    ) -> Placed<(Block, Vec<bool>)> {
         let mesh = table.get_ref();
         let MeshKind::Block = mesh.kind;
         let nodes = *mesh.nodes.get_ref();
@@ -205,7 +214,7 @@ impl Checker {
                 StencilName::Full => Stencil::Full,
             },
         };
-        self.fits_memory(&block, local, ticks, mesh.nodes.span())?;
+        self.fits_memory(&block, local, integrator, ticks, mesh.nodes.span())?;
         let fixed = self.fixed(&mesh.fixed, &block)?;
         Ok((block, fixed))
     }
@@ -224,6 +233,7 @@ impl Checker {
         &self,
         block: &Block,
         local: &LocalSettings,
+        integrator: LocalIntegrator,
         [ticks, cycle_ticks]: [u64; 2],
         span: Range<usize>,
     ) -> Placed<()> {
@@ -234,9 +244,15 @@ impl Checker {
             Extent::All => nodes,
             Extent::Rings(rings) => nodes.min((2 * u128::from(rings) + 1).saturating_pow(3)),
         };
-        // [K D], dense over every node of the patch.
+        // Matrices of the size of K, dense over every node of the patch: K, D, what a tick adds to them, and what is
+        // in use at once while that is built.
+        let matrices = match integrator {
+            LocalIntegrator::SemiImplicitEuler => 2,
+            LocalIntegrator::ImplicitEuler | LocalIntegrator::ImplicitMidpoint => 2 + 3 + 9,
+            LocalIntegrator::Exponential => 2 + 6 + 18,
+        };
         let matrix = match local.linearization {
-            Linearization::Tangent(_) => patch.saturating_mul(patch).saturating_mul(3 * 6 * 8),
+            Linearization::Tangent(_) => patch.saturating_mul(patch).saturating_mul(matrices * 9 * 8),
             Linearization::None => 0,
         };
         // Positions and velocities of every tick of a cycle, for the replay.
@@ -420,6 +436,30 @@ impl Checker {
                 Extent::Rings(_) | Extent::All => Ok(Reach::Rings { rings, far_field }),
             },
         }
+    }
+
+    /// All but the explicit one solve the linear model, with the contact's impulse in the same equations.
+    fn integrator(&self, local: &LocalTable, contact: &ContactTable) -> Placed<LocalIntegrator> {
+        let Some(name) = &local.integrator else { return Ok(LocalIntegrator::SemiImplicitEuler) };
+        let integrator = match name.get_ref() {
+            LocalIntegratorName::SemiImplicitEuler => return Ok(LocalIntegrator::SemiImplicitEuler),
+            LocalIntegratorName::ImplicitEuler => LocalIntegrator::ImplicitEuler,
+            LocalIntegratorName::ImplicitMidpoint => LocalIntegrator::ImplicitMidpoint,
+            LocalIntegratorName::Exponential => LocalIntegrator::Exponential,
+        };
+        let needs = if matches!(local.model, LocalModelName::Full) {
+            "`local.model = \"patch\"`"
+        } else if matches!(local.linearization.as_ref().map(Spanned::get_ref), Some(LinearizationName::None)) {
+            "`local.linearization = \"tangent\"`"
+        } else if matches!(contact.scheme, SchemeName::Geometric) {
+            "`contact.scheme = \"velocity\"`"
+        } else {
+            return Ok(integrator);
+        };
+        let problem = Problem::Needs { key: "local.integrator", value: integrator.name(), needs };
+        Err(self.error(problem, name.span()).with_help(format!(
+            "give {needs}, or `local.integrator = \"semi-implicit-euler\"`, which takes every model"
+        )))
     }
 
     fn contact(&self, table: &Spanned<ContactTable>) -> Placed<ContactRules> {

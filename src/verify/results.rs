@@ -213,6 +213,7 @@ fn cause(fault: &Fault) -> &'static str {
     match fault.cause {
         Cause::ForceNotFinite => "the contact force is not finite",
         Cause::StateNotFinite { .. } => "the state is not finite",
+        Cause::NoModel(_) => "no local model could be built",
         Cause::Runaway { .. } => "a node ran away",
     }
 }

@@ -48,7 +48,7 @@ fn touch(mesh: &Mesh, network: &Network, point: &Point, state: &State) -> Touche
     };
     let position = point.support().map(|(node, weight)| state.x[node] * weight).iter().sum::<Vec3>();
     let mut builder = LocalModelBuilder::new(network, surface, ContactGeometry::Faceted, LocalSettings::FULL);
-    let (model, local) = builder.build(network, state, position, None);
+    let (model, local) = builder.build(network, state, position, None).expect("an explicit model");
     let mut simulation = LocalSimulation::new(rules, TICK, model, local);
     let approach = point.normal(&state.x) * APPROACH;
     let report = simulation.tick(position + approach, position - approach);

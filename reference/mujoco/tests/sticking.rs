@@ -115,7 +115,7 @@ fn the_velocity_scheme_commands_the_multiplier() {
         let normal = point.normal(&state.x);
         let mut builder =
             LocalModelBuilder::new(&network, surface.clone(), ContactGeometry::Faceted, LocalSettings::FULL);
-        let (model, local) = builder.build(&network, &state, position, None);
+        let (model, local) = builder.build(&network, &state, position, None).expect("an explicit model");
         let mut simulation = LocalSimulation::new(rules, STEP, model, local);
         // The mesh, on its way back to rest, meets the tip or leaves it. What it takes to bring the point that was
         // met to the tip within the tick is taken off with the same G.

@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
 
 from . import limit_surface, local_model, operators, velocity
 from . import network as net
@@ -207,6 +209,8 @@ def integrate(network, state, step, integrator, prescribe=None, project=None):
     if integrator == "semi-implicit-euler":  # (11)
         v_new = v + step * acceleration(x, v)
         x_new = x + step * v_new
+    elif integrator == "implicit-euler":
+        x_new, v_new = implicit_euler(network, x, v, step, prescribe(1.0) if prescribe else None, project)
     else:
         def slope(share, dx, dv):
             xs, vs = hold(x + share * step * dx, v + share * step * dv, share)
@@ -218,3 +222,48 @@ def integrate(network, state, step, integrator, prescribe=None, project=None):
         x_new, v_new = (start + step / 6.0 * (a + 2.0 * b + 2.0 * c + d)
                         for start, a, b, c, d in zip((x, v), k1, k2, k3, k4))
     state.x, state.v = hold(x_new, v_new, 1.0)
+
+
+def implicit_euler(network, x0, v0, h, imposed, project):
+    """v = v0 + h a(x0 + h v, v), x = x0 + h v, by Newton's method until rounding stops it.
+
+    Imposed nodes are where they will be at the end of the step. Under a projection P both v0 and a(x, v) are projected.
+    """
+    x, v = x0.copy(), v0.copy()
+    moves = ~network.fixed
+    if imposed:
+        nodes, place, speed = imposed
+        x[nodes], v[nodes] = place, speed
+        moves[nodes] = False
+    free = local_model.components(np.flatnonzero(moves))
+    P = projection_matrix(project, len(x)) if project else None
+
+    def residual(v):
+        x[moves] = x0[moves] + h * v[moves]
+        a = network.inverse_mass[:, None] * net.forces(network, x, v)
+        return (v - v0 - h * (project(a) if project else a)).ravel()[free]
+
+    error, size = residual(v), np.inf
+    for _ in range(100):
+        K, D = net.jacobians(network, x, v)
+        J = sparse.diags(np.repeat(h * network.inverse_mass, 3)) @ (D + h * K)
+        J = (P @ J.toarray() if project else J)[free][:, free]
+        update = (np.linalg.solve(np.eye(len(free)) - J, error) if project
+                  else splu(sparse.csc_matrix(sparse.identity(len(free)) - J)).solve(error))
+        share, before = 1.0, np.linalg.norm(error)
+        start = v.ravel()[free]
+        while True:
+            v.reshape(-1)[free] = start - share * update
+            error = residual(v)
+            if np.linalg.norm(error) < before or share < 1e-3:
+                break
+            share /= 2.0
+        last, size = size, np.abs(update).max(initial=0.0)
+        if size <= 1e-9 * np.abs(v).max() + 1e-14 * np.abs(x).max() / h or (size < 1e-6 and size >= last):
+            return x, v
+    raise FloatingPointError("Newton's method does not converge")
+
+
+def projection_matrix(project, n):
+    columns = [project(column.reshape(n, 3)).ravel() for column in np.eye(3 * n)]
+    return np.array(columns).T

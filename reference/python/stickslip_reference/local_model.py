@@ -12,6 +12,9 @@ class LocalModel:
     `patch` holds the free nodes that move, `tick` the boundary at which x0, v0 were taken.
     """
 
+    integrator = "semi-implicit-euler"
+    step = None  # of an integrator that is not explicit, once built
+
     def __init__(self, network, patch, x0, v0, tick):
         self.network, self.patch, self.x0, self.v0, self.tick = network, patch, x0, v0, tick
         self.springs = net.select_springs(network, patch)
@@ -131,4 +134,6 @@ def build(network, options, x0, v0, tick, anchor, contact_nodes):
         condensed = condensation(network, patch, centre, x0, options.condense_rings, stabilised)
     if options.linearization == "none":
         return NonlinearModel(network, patch, x0, v0, tick, condensed)
-    return TangentModel(network, patch, x0, v0, tick, stabilised, condensed)
+    model = TangentModel(network, patch, x0, v0, tick, stabilised, condensed)
+    model.integrator = options.integrator
+    return model

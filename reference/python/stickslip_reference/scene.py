@@ -32,12 +32,12 @@ DEFAULTS = {
 
 # What this reference implements; anything else is refused rather than approximated.
 COVERED = {
-    ("global", "integrator"): ("semi-implicit-euler", "rk4"),
+    ("global", "integrator"): ("semi-implicit-euler", "implicit-euler", "rk4"),
     ("local", "model"): ("patch", "full"),
     ("local", "linearization"): ("tangent", "none"),
     ("local", "exterior"): ("fixed", "drifting", "condensed"),
     ("local", "tangent"): ("exact", "stabilised"),
-    ("local", "integrator"): ("semi-implicit-euler",),
+    ("local", "integrator"): ("semi-implicit-euler", "implicit-euler", "implicit-midpoint", "exponential"),
     ("contact", "law"): ("sliding", "sticking", "stick-slip"),
     ("contact", "scheme"): ("geometric", "velocity"),
     ("contact", "surface"): ("faceted", "shaded", "subdivision"),
@@ -85,6 +85,10 @@ class Scene:
             raise SceneError("contact.friction goes with law = \"stick-slip\", and only with it")
         if self["contact"].scheme == "velocity" and {"deformation", "metric"} & set(table["contact"]):
             raise SceneError("contact.deformation and contact.metric go with scheme = \"geometric\"")
+        if self["local"].integrator != "semi-implicit-euler" and (
+                self["local"].model == "full" or self["local"].linearization != "tangent"
+                or self["contact"].scheme != "velocity"):
+            raise SceneError(f"local.integrator = {self['local'].integrator!r} needs the tangent and the velocity scheme")
         self.waypoints = read_waypoints(self["instrument"], Path(folder))
 
     def __getitem__(self, section):

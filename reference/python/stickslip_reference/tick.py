@@ -38,6 +38,7 @@ class Result:
     normal: np.ndarray | None = None
     at: np.ndarray | None = None
     rigid: bool = False
+    fell_back: bool = False  # the law had no solution and was solved as sliding
 
 
 FREE = Result("free", np.zeros(3))

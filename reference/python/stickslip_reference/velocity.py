@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from . import integrators
 from .tick import FREE, RIGID_BELOW, Contact, Result, State, free_support, locate, push, rigid_tick
 
 
 def advance(model, surface, options, state, q0, q1, h, elapsed):
     """One tick, as `tick.advance`: without a rewind, and with n and p at the positions that the tick starts from."""
-    v_free = push(model, state.v, model.forces(state.x, state.v, elapsed), h)
-    predicted = State(state.x + h * v_free, v_free)
+    step = linear_step(model, h)
+    predicted = predict(model, step, state, h, elapsed)
     hit = locate(surface, state, predicted, q0, q1)
     if hit is None:
         return predicted, FREE
@@ -20,30 +21,75 @@ def advance(model, surface, options, state, q0, q1, h, elapsed):
     if weights.sum() < RIGID_BELOW:
         return rigid_tick(surface, options, predicted, point, normal, state.x, q0, q1, h)
 
-    W = np.kron(weights, np.eye(3))
-    A_inverse = np.repeat(model.network.inverse_mass[nodes], 3)  # A = M
-    G = W * A_inverse @ W.T
-    r = (q1 - surface.position(point, state.x)) / h - W @ v_free[nodes].ravel()
+    r = (q1 - surface.position(point, state.x)) / h - weights @ predicted.v[nodes]
     if r @ normal >= 0.0:
-        predicted.contact = replace(state.contact or Contact(point), point=point, tension=True)
-        return predicted, FREE
-    mode, impulse = impulse_on_mesh(options, G, r, normal)
-    v_new = v_free.copy()
-    v_new[nodes] += (A_inverse * (W.T @ impulse)).reshape(-1, 3)
-    return (State(state.x + h * v_new, v_new, Contact(point, mode)),
-            Result(mode, -impulse / h, point, normal, state.x))
+        return kept_under_tension(predicted, state, point)
+    at = np.searchsorted(model.patch, nodes)
+    W = np.zeros((3, len(model.patch), 3))
+    W[:, at] = np.eye(3)[:, None, :] * weights[:, None]
+    W = W.reshape(3, -1)
+    if step is None:  # A = M
+        by_impulse_v = np.repeat(model.inverse_mass, 3)[:, None] * W.T
+        by_impulse_x = h * by_impulse_v
+    else:
+        by_impulse_v, by_impulse_x = step.by_impulse_v @ W.T, step.by_impulse_x @ W.T
+    G, GX = W @ by_impulse_v, W @ by_impulse_x
+    mode, impulse, fell_back = impulse_on_mesh(options, G, r, normal)
+    if not impulse @ normal < 0.0:
+        return kept_under_tension(predicted, state, point)
+    v_new, x_new = predicted.v.copy(), predicted.x.copy()
+    v_new[model.patch] += (by_impulse_v @ impulse).reshape(-1, 3)
+    x_new[model.patch] += (by_impulse_x @ impulse).reshape(-1, 3)
+    # What is left of the way to the tip; none if x advances by h v.
+    gap = q1 - surface.position(point, state.x) - weights @ (x_new - state.x)[nodes]
+    if step is not None:
+        push_x = np.linalg.solve(GX, gap) if mode == "stick" else normal * (normal @ gap) / (normal @ GX @ normal)
+        x_new[model.patch] += (by_impulse_x @ push_x).reshape(-1, 3)
+    return (State(x_new, v_new, Contact(point, mode)),
+            Result(mode, -impulse / h, point, normal, state.x, fell_back=fell_back))
+
+
+def linear_step(model, h):
+    """The tick's integrator if it is not the explicit one; built once for a model."""
+    if model.integrator == "semi-implicit-euler":
+        return None
+    if model.step is None:
+        model.step = integrators.CLASSES[model.integrator](model, h)
+    return model.step
+
+
+def predict(model, step, state, h, elapsed):
+    """The state after a tick without contact."""
+    if step is None:
+        v = push(model, state.v, model.forces(state.x, state.v, elapsed), h)
+        return State(state.x + h * v, v)
+    after = State(state.x + h * state.v, state.v.copy())  # the exterior
+    x, v = step.predict(state.x, state.v, elapsed)
+    after.x[model.patch], after.v[model.patch] = x.reshape(-1, 3), v.reshape(-1, 3)
+    return after
+
+
+def kept_under_tension(predicted, state, point):
+    predicted.contact = replace(state.contact or Contact(point), point=point, tension=True)
+    return predicted, FREE
 
 
 def impulse_on_mesh(options, G, r, normal):
-    """Mode and impulse that give the contact point the velocity r more, as far as the law allows; r goes inwards."""
+    """Mode and impulse that give the contact point the velocity r more, as far as the law allows; r goes inwards.
+
+    Third, whether the law had no solution and sliding was solved: sticking would pull, or slipping push backwards.
+    """
+    slide = (normal @ r) / (normal @ G @ normal) * normal
     if options.law == "sliding":
-        return "slide", (normal @ r) / (normal @ G @ normal) * normal
+        return "slide", slide, False
     impulse = np.linalg.solve(G, r)
-    along = (impulse @ normal) * normal
-    across = impulse - along
+    along = impulse @ normal
+    if along >= 0.0:
+        return "slide", slide, True
+    across = impulse - along * normal
     size = np.linalg.norm(across)
-    if options.law == "sticking" or size <= options.friction * np.linalg.norm(along):
-        return "stick", impulse
-    # G is a multiple of I when A = M, so the size below is positive and the impulse goes inwards.
+    if options.law == "sticking" or size <= options.friction * -along:
+        return "stick", impulse, False
     direction = options.friction * across / size - normal
-    return "slip", (normal @ r) / (normal @ G @ direction) * direction
+    amount = (normal @ r) / (normal @ G @ direction)
+    return ("slip", amount * direction, False) if amount > 0.0 else ("slide", slide, True)
