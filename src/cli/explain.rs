@@ -215,6 +215,12 @@ fn warnings(scene: &Scene, simulation: &Simulation, local: &Step, global: Option
     if let Some(global) = global.filter(|global| global.is_beyond()) {
         warnings.push(format!("the global substep is beyond its stability limit: {}", global.text()));
     }
+    let turn = local.step_s * local.omega_max_rad_s;
+    if scene.integrator == LocalIntegrator::Exponential && turn > std::f64::consts::PI {
+        warnings.push(format!(
+            "the fastest mode turns by {turn:.1} rad within a tick: the contact's response at its end may vanish, and a run in contact end in a fault; implicit-euler has no such bound"
+        ));
+    }
     let model = simulation.local().model();
     let patch = &model.patch;
     if patch.len() < simulation.network().fixed.iter().filter(|&&fixed| !fixed).count() {

@@ -16,7 +16,7 @@ use crate::{Mat3, Vec3};
 const CONVERGED: f64 = 1e-10;
 /// Below this share of the largest coordinate, a change of position over the step is round-off of the forces.
 const ROUND_OFF: f64 = 1e-14;
-/// More than a solvable step has needed: 12, for 1e8 N/m and 3 mm in a cycle.
+/// Far more than a step needs that has a solution nearby.
 const ITERATIONS: u32 = 60;
 /// A change is halved until the residual falls, at most so often.
 const HALVINGS: u32 = 10;
@@ -125,13 +125,12 @@ impl Newton {
             }
         }
         network.forces(&state.x, &state.v, &mut self.f);
-        let mut free = vec![Vec3::zeros(); self.f.len()];
-        for (node, free) in free.iter_mut().enumerate() {
+        let velocities = state.v.iter().zip(&self.start.v);
+        for (node, ((residual, f), (v, start))) in self.change.iter_mut().zip(&self.f).zip(velocities).enumerate() {
             let given = self.number[node] == GIVEN;
-            let (mass, change) = (network.mass[node], state.v[node] - self.start.v[node]);
-            self.change[node] = if given { Vec3::zeros() } else { change * mass - self.f[node] * h };
-            *free = self.change[node] * network.inverse_mass[node];
+            *residual = if given { Vec3::zeros() } else { (v - start) * network.mass[node] - f * h };
         }
+        let mut free: Vec<Vec3> = self.change.iter().zip(&network.inverse_mass).map(|(r, w)| r * *w).collect();
         constraint.accelerations(&mut free);
         free.iter().map(Vec3::norm_squared).sum::<f64>().sqrt()
     }
@@ -179,12 +178,12 @@ impl Newton {
             if held.is_some() {
                 change[node] += at(1, number) * force.x + at(2, number) * force.y + at(3, number) * force.z;
             }
-            // `max` would pass over NaN.
-            let size = change[node].abs().sum();
-            largest = if size.is_finite() { largest.max(change[node].amax()) } else { f64::NAN };
-            if largest.is_nan() {
-                break;
-            }
+            // `max` alone would pass over NaN.
+            largest = if change[node].iter().all(|c| c.is_finite()) {
+                largest.max(change[node].amax())
+            } else {
+                f64::INFINITY
+            };
         }
         self.change = change;
         largest.is_finite().then_some(largest)

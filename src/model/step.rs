@@ -15,7 +15,8 @@
 //!   by in the tick, h(t' − t)g, adds φ₂(Z)(0; h²M⁻¹g), and e^Z = I + φ₁(Z)Z.
 //!
 //! G = WA⁻¹Wᵀ is thus, for all three, what an impulse spread over the tick adds to the contact point's velocity at its
-//! end. A is not symmetric, since the damping part of K is not.
+//! end. It is positive for the first two where K is semidefinite. The exact one has sin(hω)/hω in every mode of frequency
+//! ω: it may vanish where hω > π, and the contact then finds no hold. A is not symmetric, since the damping part of K is not.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -56,7 +57,7 @@ pub struct LinearStep {
     velocity: LinearForces,
     position: Position,
     /// A⁻¹, 1/kg, in 3 × 3 blocks, column by column. As a whole: three columns for each node of a support are needed in
-    /// every tick of contact, and reading them is 30 times faster than solving for them at 42 and at 300 rows.
+    /// every tick of contact, and reading them takes 0.1 to 0.8 µs at 42 rows and 2.5 to 9 µs at 300, 14 to 105 times less than solving.
     response: Vec<Mat3>,
     /// ½ΔvᵀMΔv is what the step takes out of the energy.
     dissipates: bool,
