@@ -232,22 +232,17 @@ impl GlobalSimulation {
         self.builder.condensation()
     }
 
-    /// The model of the network as it is, around the tip.
-    pub fn first_model(&mut self, tip: Vec3) -> ModelMessage {
-        self.model(tip)
-    }
-
-    /// Brings the network over the cycle just past, and builds the model of the next.
-    pub fn advance(&mut self, message: &CycleMessage) -> ModelMessage {
+    /// Brings the network over the cycle just past.
+    pub fn catch_up(&mut self, message: &CycleMessage) {
         match self.settings.sync {
             SyncMode::Replay => self.replay(&message.trajectory),
             SyncMode::Overwrite => self.overwrite(&message.trajectory),
         }
         self.contact = message.contact;
-        self.model(message.tip)
     }
 
-    fn model(&mut self, tip: Vec3) -> ModelMessage {
+    /// The model of the network as it is, around the contact point, or around the tip where there is none.
+    pub fn build_model(&mut self, tip: Vec3) -> ModelMessage {
         let point = self.contact.map(|contact| contact.point);
         let around = point.map_or(tip, |point| self.position(&point));
         let touched = point.map(|point| point.triangle);

@@ -2,6 +2,7 @@
 //! and times of two programs. And held against each other: contact surfaces and schemes.
 
 pub mod accept;
+pub mod accuracy;
 pub mod baseline;
 pub mod compare;
 pub mod paired;
