@@ -11,7 +11,7 @@ use crate::scene::{Scene, SceneError};
 /// Times of each run, unless the share of its time is over before.
 const REPEATS: usize = 7;
 /// What all times together may take.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(40);
 
 /// What a method takes.
 #[derive(Debug, Clone, Serialize)]

@@ -70,6 +70,8 @@ impl Budget {
 struct AccuracyFile<'a> {
     scene: &'a str,
     version: &'static str,
+    /// The scene's, Hz.
+    cycle_rate: f64,
     budget: Budget,
     points: &'a [Point],
     references: &'a [ReferenceEntry],
@@ -160,6 +162,7 @@ pub fn accuracy(arguments: &AccuracyArguments) -> miette::Result<u8> {
     let file = AccuracyFile {
         scene: &scene.name,
         version: env!("CARGO_PKG_VERSION"),
+        cycle_rate: scene.global.rate,
         budget,
         points: &points,
         references: &references,
@@ -233,13 +236,27 @@ fn measure(scene: &Scene, grid: &Grid, budget: Budget) -> Result<(Vec<Point>, Ve
             fault: record.fault,
         });
     }
-    for reference in 0..entries.len() {
-        let of = |point: &&mut Point| point.reference == reference && point.status != Status::Diverged;
-        let of: Vec<&mut Point> = points.iter_mut().filter(of).collect();
-        let at: Vec<_> = of.iter().map(|point| (point.cost.tick_ns_p50, point.known_error(&entries))).collect();
-        of.into_iter().zip(accuracy::front(&at)).for_each(|(point, on_front)| point.on_front = on_front);
-    }
+    let mark = |reference: usize| front(&points, &entries, reference, |point| Some(point.cost.tick_ns_p50));
+    let fastest: Vec<usize> = (0..entries.len()).flat_map(mark).collect();
+    fastest.into_iter().for_each(|i| points[i].on_front = true);
     Ok((points, entries))
+}
+
+/// Which points of a reference no other beats both in some cost and in error.
+fn front(
+    points: &[Point],
+    references: &[ReferenceEntry],
+    reference: usize,
+    cost: impl Fn(&Point) -> Option<f64>,
+) -> Vec<usize> {
+    let stands = |point: &Point| point.reference == reference && point.status != Status::Diverged;
+    let (indices, places): (Vec<usize>, Vec<(f64, f64)>) = points
+        .iter()
+        .enumerate()
+        .filter(|(_, point)| stands(point))
+        .filter_map(|(i, point)| Some((i, (cost(point)?, point.known_error(references)))))
+        .unzip();
+    indices.into_iter().zip(accuracy::front(&places)).filter(|(_, on_front)| *on_front).map(|(i, _)| i).collect()
 }
 
 fn with(progress: &Mutex<Progress>, change: impl FnOnce(&mut Progress)) {
