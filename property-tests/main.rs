@@ -1,6 +1,7 @@
 //! Properties that hold for every network, contact and run. Each test prints the largest residual it
 //! saw beside its tolerance; every comparison is written so that NaN fails.
 
+mod accuracy;
 mod check;
 mod condensation;
 mod contact;

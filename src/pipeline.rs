@@ -61,6 +61,21 @@ pub struct TickView<'a> {
     pub condensation: Option<CondensationCounts>,
 }
 
+/// Where the schedule is, for whoever keeps time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Moment {
+    /// The network is about to catch up with the cycle just past.
+    CycleBegins,
+    /// It has; its next local model is about to be built.
+    ModelBegins,
+    /// The model is there.
+    ModelEnds,
+    /// The local side is about to do a tick.
+    TickBegins,
+    /// It has.
+    TickEnds,
+}
+
 /// A scene put together, ready to run.
 #[derive(Debug, Clone)]
 pub struct Simulation {
@@ -106,7 +121,7 @@ impl Simulation {
 
         let tip = scene.path.at(0.0);
         let ModelMessage { model, state } =
-            global.first_model(tip).map_err(|error| scene.mesh_error(Problem::Model(error)))?;
+            global.build_model(tip).map_err(|error| scene.mesh_error(Problem::Model(error)))?;
         let local = LocalSimulation::new(scene.contact, scene.tick, model, state);
         let distance = local.shape().signed_distance(tip);
         if !(distance >= -START_TOLERANCE) {
@@ -160,7 +175,15 @@ impl Simulation {
     ///
     /// # Errors
     /// With the fault that ended the run.
-    pub fn run(mut self, mut observe: impl FnMut(&TickView)) -> Result<(), Fault> {
+    pub fn run(self, observe: impl FnMut(&TickView)) -> Result<(), Fault> {
+        self.run_timed(|_| (), observe)
+    }
+
+    /// As [`run`](Self::run); `mark` is told of every moment of the schedule as it comes.
+    ///
+    /// # Errors
+    /// With the fault that ended the run.
+    pub fn run_timed(mut self, mut mark: impl FnMut(Moment), mut observe: impl FnMut(&TickView)) -> Result<(), Fault> {
         let mut trajectory = Trajectory::new(self.keep);
         self.begin_segment(&mut trajectory, 0);
         let mut pending: Option<(u64, ModelMessage)> = None;
@@ -174,7 +197,11 @@ impl Simulation {
                 let contact = self.local.contact();
                 let past = std::mem::replace(&mut trajectory, Trajectory::new(self.keep));
                 let message = CycleMessage { trajectory: past, contact, tip: tip_before };
-                let model = self.global.advance(&message);
+                mark(Moment::CycleBegins);
+                let caught_up = self.global.catch_up(&message);
+                mark(Moment::ModelBegins);
+                let model = caught_up.and_then(|()| self.global.build_model(tip_before));
+                mark(Moment::ModelEnds);
                 self.failsafe.check_network(tick, tip_before, self.global.state())?;
                 // A network that has run away has no model either: that it ran away is the cause.
                 let model = model.map_err(|error| self.failsafe.no_model(tick, tip_before, error))?;
@@ -191,7 +218,9 @@ impl Simulation {
             let model_age = if self.is_full { 0 } else { self.local.model_age() };
             let time = (tick + 1) as f64 * self.tick;
             let tip = self.path.at(time);
+            mark(Moment::TickBegins);
             let report = self.local.tick(tip_before, tip);
+            mark(Moment::TickEnds);
             let force = self.failsafe.command(tick, tip, &self.local, &report)?;
 
             if !self.is_full {

@@ -1,6 +1,7 @@
 //! The command line: arguments in, exit code out. Nothing below this module reads arguments,
 //! prints, or ends the process.
 
+mod accuracy;
 mod check;
 mod explain;
 mod progress;
@@ -78,6 +79,14 @@ enum Command {
         Examples:\n  stickslip check\n  stickslip check --accept fig5-stick-slip --reason \"friction bound uses the new normal\"\n  \
         stickslip check fig5-stick-slip --time --against /tmp/before/stickslip")]
     Check(check::CheckArguments),
+    /// Compare local approximations: force error against time per tick
+    #[command(
+        after_help = "Runs the scene's drag with a grid of local models and holds each against the full network \
+        at the haptic rate. Writes DIR/index.html and DIR/accuracy.json. Times are taken one after the other: keep \
+        the machine quiet.\n\nExit code 0: done; 1: no method is within the budget; 2: the scene or the output folder is \
+        not as it should be.\n\nExample: stickslip accuracy deep-stick-slip --budget-us 5 --out /tmp/accuracy"
+    )]
+    Accuracy(accuracy::AccuracyArguments),
 }
 
 fn after_help() -> String {
@@ -98,6 +107,7 @@ pub fn main() -> ExitCode {
         Command::Run { scene, out } => run::run(&scene, out),
         Command::Explain { scene, json } => explain::explain(&scene, json),
         Command::Check(arguments) => check::check(&arguments),
+        Command::Accuracy(arguments) => accuracy::accuracy(&arguments),
     };
     match done {
         Ok(code) => ExitCode::from(code),

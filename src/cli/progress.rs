@@ -33,15 +33,20 @@ impl Progress {
 
     /// Ticks done in this run.
     pub fn set(&mut self, ticks: u64) {
+        self.show();
+        self.bar.set_position(self.done_before + ticks);
+    }
+
+    fn show(&mut self) {
         if !self.shown && self.start.elapsed() > PATIENCE {
             self.bar.set_draw_target(ProgressDrawTarget::stderr());
             self.shown = true;
         }
-        self.bar.set_position(self.done_before + ticks);
     }
 
     /// This run ended after its planned ticks, or before.
     pub fn end(&mut self, planned: u64) {
+        self.show();
         self.done_before += planned;
         self.bar.set_position(self.done_before);
     }

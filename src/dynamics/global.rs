@@ -253,19 +253,11 @@ impl GlobalSimulation {
         self.builder.condensation()
     }
 
-    /// The model of the network as it is, around the tip.
+    /// Brings the network over the cycle just past.
     ///
     /// # Errors
-    /// If it cannot be built.
-    pub fn first_model(&mut self, tip: Vec3) -> Result<ModelMessage, ModelError> {
-        self.model(tip)
-    }
-
-    /// Brings the network over the cycle just past, and builds the model of the next.
-    ///
-    /// # Errors
-    /// If that cannot be built.
-    pub fn advance(&mut self, message: &CycleMessage) -> Result<ModelMessage, ModelError> {
+    /// If an implicit step has no solution.
+    pub fn catch_up(&mut self, message: &CycleMessage) -> Result<(), ModelError> {
         match self.settings.sync {
             SyncMode::Replay => self.replay(&message.trajectory),
             SyncMode::Overwrite => self.overwrite(&message.trajectory),
@@ -274,10 +266,14 @@ impl GlobalSimulation {
             return Err(ModelError::NotSolved(error));
         }
         self.contact = message.contact;
-        self.model(message.tip)
+        Ok(())
     }
 
-    fn model(&mut self, tip: Vec3) -> Result<ModelMessage, ModelError> {
+    /// The model of the network as it is, around the contact point, or around the tip where there is none.
+    ///
+    /// # Errors
+    /// If it cannot be built.
+    pub fn build_model(&mut self, tip: Vec3) -> Result<ModelMessage, ModelError> {
         let point = self.contact.map(|contact| contact.point);
         let around = point.map_or(tip, |point| self.position(&point));
         let touched = point.map(|point| point.triangle);

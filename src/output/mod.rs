@@ -3,6 +3,8 @@
 pub mod files;
 #[cfg(feature = "plots")]
 pub mod plots;
+#[cfg(feature = "plots")]
+pub mod precision;
 pub mod spectrum;
 pub mod summary;
 pub mod trace;

@@ -99,7 +99,7 @@ fn draw_jumps(svg: &mut String, columns: &[String], series: &[&str], marks: &[Ju
     Ok(())
 }
 
-type Drawn = Result<(), Box<dyn std::error::Error>>;
+pub(super) type Drawn = Result<(), Box<dyn std::error::Error>>;
 
 fn draw(svg: &mut String, title: &str, samples: &[Sample]) -> Drawn {
     let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
@@ -145,7 +145,7 @@ fn draw(svg: &mut String, title: &str, samples: &[Sample]) -> Drawn {
 }
 
 /// A curve with the least and the largest value of every bucket, so that no jump of one tick is lost.
-fn thinned(samples: &[Sample], of: fn(&Sample) -> f64) -> Vec<(f64, f64)> {
+pub(super) fn thinned(samples: &[Sample], of: fn(&Sample) -> f64) -> Vec<(f64, f64)> {
     let bucket = samples.len().div_ceil(BUCKETS).max(1);
     if bucket == 1 {
         return samples.iter().map(|sample| (sample.time, of(sample))).collect();

@@ -1,7 +1,8 @@
 //! Held against what was accepted before: results of a run, the baselines they are compared with,
-//! and times of two programs. And held against each other: contact surfaces and schemes.
+//! and times of two programs. And held against each other: contact surfaces and schemes, local models.
 
 pub mod accept;
+pub mod accuracy;
 pub mod baseline;
 pub mod compare;
 pub mod paired;

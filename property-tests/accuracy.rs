@@ -1,0 +1,148 @@
+//! The engine of `stickslip accuracy`: what local models are off, and what it says of those that fail.
+
+use stickslip::model::condensation::{Condensation, Reach};
+use stickslip::model::local::{ExteriorKind, Linearization, LocalSettings};
+use stickslip::model::patch::Extent;
+use stickslip::model::springs::TangentKind;
+use stickslip::scene::Scene;
+use stickslip::verify::accuracy::{
+    Assessment, Coverage, Method, PAPER, PAPER_RATE_HZ, Reference, Rings, Status, Touching, grid,
+};
+
+use crate::check::{PRESS_AND_DRAG, Worst, shipped, small_scene};
+
+fn touching(scene: &Scene) -> Touching {
+    Method::of(scene).touching
+}
+
+fn assess(scene: &Scene, reference: &Reference, local: LocalSettings) -> Assessment {
+    let method = Method { is_full: false, local, global_rate: PAPER_RATE_HZ, touching: reference.touching };
+    Assessment::of(scene, &method, reference).expect("it starts outside")
+}
+
+fn condensed(rings: u32, linearization: Linearization, tangent: TangentKind) -> LocalSettings {
+    let exterior = ExteriorKind::Condensed(Condensation { tangent, reach: Reach::All });
+    LocalSettings { extent: Extent::Rings(rings), linearization, exterior }
+}
+
+/// Relative force errors on deep-sliding, -sticking and -stick-slip as an independent program in Python has
+/// them, to three decimals.
+#[test]
+fn errors_on_the_deep_drags_are_those_of_another_program() {
+    let worst = Worst::new("numpy trial", "relative force error of local models on the deep drags", 0.002);
+    let exact = Linearization::Tangent(TangentKind::Exact);
+    let table = [
+        (PAPER, [0.100, 0.252, 0.149]),
+        (LocalSettings { extent: Extent::Rings(2), ..PAPER }, [0.039, 0.133, 0.067]),
+        (condensed(1, exact, TangentKind::Exact), [0.033, 0.024, 0.056]),
+        (condensed(1, Linearization::None, TangentKind::Stabilised), [0.012, 0.026, 0.037]),
+        (condensed(2, Linearization::None, TangentKind::Stabilised), [0.002, 0.013, 0.018]),
+    ];
+    for (drag, name) in ["deep-sliding", "deep-sticking", "deep-stick-slip"].into_iter().enumerate() {
+        let scene = shipped(name);
+        let reference = Reference::of(&scene, touching(&scene)).expect("it starts outside");
+        for (local, expected) in &table {
+            let found = assess(&scene, &reference, *local);
+            worst.check((found.errors.force_error_rms_rel - expected[drag]).abs());
+            assert_eq!(found.status(true), Status::Ok, "{name}, {local:?}");
+            assert_eq!(found.status(false), Status::Overrun, "{name}, {local:?}");
+        }
+    }
+}
+
+/// All springs of all nodes are the network itself: every error is nothing, and nothing is claimed of it.
+#[test]
+fn the_network_itself_has_no_error_and_is_unresolved() {
+    let scene = small_scene("law = \"stick-slip\"\nfriction = 0.5", "rings = 1", PRESS_AND_DRAG);
+    let reference = Reference::of(&scene, touching(&scene)).expect("it starts outside");
+    assert!(reference.floor > 0.0);
+    let all = LocalSettings { extent: Extent::All, linearization: Linearization::None, ..PAPER };
+    let found = assess(&scene, &reference, all);
+    let errors = &found.errors;
+    assert_eq!((errors.force_error_rms_rel, errors.force_error_max_n, errors.handover_jump_rel), (0.0, 0.0, 0.0));
+    assert_eq!((errors.mode_agreement, errors.mode_agreement_worst), (1.0, 1.0));
+    assert_eq!((errors.contact_point_error_max_m, errors.slip_onset_error_s), (Some(0.0), Some(0.0)));
+    assert_eq!(errors.force_error_rms_rel_fine > 0.0, reference.floor > 0.0);
+    assert!(errors.force_error_per_100_ms.len() == 4 && errors.force_error_per_100_ms.iter().all(|e| e.force == 0.0));
+    assert_eq!((found.is_unresolved, found.status(true)), (true, Status::Unresolved));
+}
+
+/// The extreme that runs away stays in the comparison, with what it did before its fault and no force after.
+#[test]
+fn what_runs_away_is_diverged_and_kept() {
+    let scene = shipped("deep-stick-slip-faceted");
+    let own = Method::of(&scene);
+    assert!(grid(&scene, Coverage::Default).expect("a grid").methods.contains(&own));
+    let reference = Reference::of(&scene, own.touching).expect("it starts outside");
+    let found = assess(&scene, &reference, scene.local);
+    assert!(found.record.fault.as_ref().is_some_and(|fault| fault.contains("ran away")), "{:?}", found.record.fault);
+    assert_eq!((found.status(true), found.status(false)), (Status::Diverged, Status::Diverged));
+    assert_eq!(found.record.samples().len(), 1200);
+    assert!(found.record.samples().last().is_some_and(|last| last.force.norm() == 0.0));
+    assert!(found.errors.force_error_rms_rel.is_finite());
+}
+
+/// A force that is worse than none is as good as a fault.
+#[test]
+fn a_force_worse_than_none_is_diverged() {
+    let scene = small_scene("law = \"sliding\"", "rings = 1", PRESS_AND_DRAG);
+    let reference = Reference::of(&scene, touching(&scene)).expect("it starts outside");
+    let mut deeper = scene.clone();
+    deeper.material.stiffness *= 4.0;
+    let found = assess(&deeper, &reference, PAPER);
+    assert!(found.record.fault.is_none() && found.errors.force_error_rms_rel > 1.0);
+    assert_eq!(found.status(true), Status::Diverged);
+}
+
+/// Parts of the error and what the windows say add up to the whole.
+#[test]
+fn errors_add_up() {
+    let worst = Worst::new("sum of its parts", "square of the relative force error", 1e-12);
+    let scene = small_scene("law = \"stick-slip\"\nfriction = 0.5", "rings = 1", PRESS_AND_DRAG);
+    let reference = Reference::of(&scene, touching(&scene)).expect("it starts outside");
+    let errors = assess(&scene, &reference, PAPER).errors;
+    let square = errors.force_error_rms_rel.powi(2);
+    assert!(square > 1e-6 && errors.normal_error_rms_rel > 0.0 && errors.tangential_error_rms_rel > 0.0);
+    worst.check((errors.normal_error_rms_rel.powi(2) + errors.tangential_error_rms_rel.powi(2) - square).abs());
+    let windows = &errors.force_error_per_100_ms;
+    worst.check((windows.iter().map(|e| e.force * e.force).sum::<f64>() / windows.len() as f64 - square).abs());
+}
+
+#[test]
+fn grids_hold_the_paper_the_scene_and_nothing_twice() {
+    let own = "rings = 5\nlinearization = \"none\"\nexterior = \"drifting\"";
+    for local in ["rings = 1", own, "model = \"full\"", "rings = \"all\""] {
+        let scene = small_scene("law = \"sliding\"\nscheme = \"velocity\"", local, PRESS_AND_DRAG);
+        let few = grid(&scene, Coverage::Default).expect("a grid");
+        let many = grid(&scene, Coverage::All).expect("a grid");
+        for grid in [&few, &many] {
+            let methods = &grid.methods;
+            let touching = touching(&scene);
+            let paper = Method { is_full: false, local: PAPER, global_rate: PAPER_RATE_HZ, touching };
+            assert!(methods.contains(&paper) && methods.contains(&Method::of(&scene)), "{local}");
+            assert!(methods.iter().enumerate().all(|(i, method)| !methods[..i].contains(method)), "{local}");
+            assert!(methods.iter().all(|method| grid.contacts.contains(&method.touching)));
+            assert_eq!((grid.contacts[0], grid.left_out.len()), (touching, 0));
+        }
+        assert!(few.methods.iter().all(|method| many.methods.contains(method)), "{local}");
+    }
+    // A model that comes 50 ticks late has no place in a cycle of 20.
+    let mut late = small_scene("law = \"sliding\"", "rings = 1", PRESS_AND_DRAG);
+    late.global.latency_ticks = 50;
+    let late = grid(&late, Coverage::Default).expect("a grid");
+    assert!(late.methods.iter().all(|method| method.global_rate == 10.0));
+    assert!(late.left_out.len() == 1 && late.left_out[0].contains("50 Hz"), "{:?}", late.left_out);
+}
+
+/// A method runs what it says: the substeps of the global side stay as long as they are.
+#[test]
+fn methods_become_scenes() {
+    let scene = small_scene("law = \"sliding\"", "rings = 1", PRESS_AND_DRAG);
+    let method = Method { global_rate: 50.0, ..Method::of(&scene) };
+    let often = method.scene(&scene);
+    assert_eq!((often.global.rate, often.ticks_per_cycle, often.global.substeps), (50.0, 20, 20));
+    assert_eq!(Method::of(&often), method);
+    let names = method.names();
+    assert_eq!((names.rings, names.exterior, names.tangent), (Rings::Count(1), Some("fixed"), Some("exact")));
+    assert_eq!(method.to_string(), "1 ring, tangent, fixed, exact, 50 Hz");
+}

@@ -1,0 +1,348 @@
+//! `stickslip accuracy`: what local approximations cost, in accuracy and in time.
+
+mod clock;
+mod page;
+mod table;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use clap::Args;
+use miette::{IntoDiagnostic, WrapErr};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use self::clock::{Cost, Stopwatch};
+use super::progress::Progress;
+use super::{FAIL, PASS, load, say};
+use crate::model::condensation::CondensationCounts;
+use crate::model::work::WorkCounts;
+use crate::output::files::{write_file, write_json};
+use crate::output::summary::Sample;
+use crate::scene::{Scene, SceneError};
+use crate::verify::accuracy::{
+    self, Assessment, Coverage, Errors, Grid, Method, Names, PAPER, PAPER_RATE_HZ, Reference, Status,
+};
+
+#[derive(Debug, Args)]
+pub struct AccuracyArguments {
+    /// A scene file or the name of a shipped scene
+    scene: PathBuf,
+    /// Where the files go (default: reports/<scene name>)
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// What a tick may take, µs, in 99 of 100 ticks
+    #[arg(long, value_name = "N", default_value_t = 10.0, value_parser = positive)]
+    budget_us: f64,
+    /// What a global cycle may take, ms (default: as long as it lasts; never more)
+    #[arg(long, value_name = "N", value_parser = positive)]
+    cycle_ms: Option<f64>,
+    /// Also four rings, coarse far fields, 20 and 100 Hz and more contacts: minutes
+    #[arg(long)]
+    all: bool,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
+        _ => Err("a number above 0".to_owned()),
+    }
+}
+
+/// What methods may take.
+#[derive(Debug, Clone, Copy, Serialize)]
+struct Budget {
+    tick_us: f64,
+    /// If less than a cycle lasts.
+    cycle_ms: Option<f64>,
+}
+
+impl Budget {
+    fn admits(&self, cost: &Cost, global_rate: f64) -> bool {
+        let cycle_ms = self.cycle_ms.unwrap_or(f64::INFINITY).min(1e3 / global_rate);
+        cost.tick_ns_p99 <= 1e3 * self.tick_us && cost.cycle_ms_max.is_none_or(|longest| longest <= cycle_ms)
+    }
+}
+
+/// `accuracy.json`.
+#[derive(Serialize)]
+struct AccuracyFile<'a> {
+    scene: &'a str,
+    version: &'static str,
+    /// The scene's, Hz.
+    cycle_rate: f64,
+    budget: Budget,
+    points: &'a [Point],
+    references: &'a [ReferenceEntry],
+    best: Option<Best>,
+    left_out: &'a [String],
+}
+
+/// A method in `accuracy.json`.
+#[derive(Serialize)]
+struct Point {
+    name: String,
+    /// Index of its reference.
+    reference: usize,
+    #[serde(flatten)]
+    names: Names,
+    status: Status,
+    fault: Option<String>,
+    /// At or below the disagreement of the references, whatever its status.
+    below_floor: bool,
+    is_paper: bool,
+    is_own: bool,
+    /// No other with this contact is both faster, by the median tick, and closer.
+    on_front: bool,
+    #[serde(flatten)]
+    errors: Errors,
+    #[serde(flatten)]
+    cost: Cost,
+    work: WorkCounts,
+    condensation: Option<CondensationCounts>,
+    #[serde(skip)]
+    samples: Vec<Sample>,
+}
+
+impl Point {
+    /// What can be told of its error: above the floor itself, below it the floor.
+    fn known_error(&self, references: &[ReferenceEntry]) -> f64 {
+        self.errors.force_error_rms_rel.max(references[self.reference].floor_rms_rel)
+    }
+}
+
+/// A reference in `accuracy.json`.
+#[derive(Serialize)]
+struct ReferenceEntry {
+    contact: String,
+    scheme: &'static str,
+    surface: &'static str,
+    deformation: Option<&'static str>,
+    metric: Option<&'static str>,
+    /// The fine reference's steps in a tick.
+    refinement: u32,
+    /// Of the difference between the two over the force.
+    floor_rms_rel: f64,
+    force_rms_n: f64,
+    energy_residual_rel: f64,
+    energy_residual_rel_fine: f64,
+    fault: Option<String>,
+    fault_fine: Option<String>,
+    #[serde(flatten)]
+    cost: Cost,
+    work: WorkCounts,
+    #[serde(skip)]
+    samples: Vec<Sample>,
+}
+
+/// The best method within the budget, with the scene's own contact.
+#[derive(Serialize)]
+struct Best {
+    /// Index of the point.
+    point: usize,
+    name: String,
+    force_error_rms_rel: f64,
+    handover_jump_rel: f64,
+    tick_ns_p99: f64,
+    build_ms: Option<f64>,
+    sentence: String,
+}
+
+pub fn accuracy(arguments: &AccuracyArguments) -> miette::Result<u8> {
+    let (scene, _) = load(&arguments.scene)?;
+    let out = arguments.out.clone().unwrap_or_else(|| Path::new("reports").join(&scene.name));
+    let coverage = if arguments.all { Coverage::All } else { Coverage::Default };
+    let grid = accuracy::grid(&scene, coverage)?;
+    fs::create_dir_all(&out).into_diagnostic().wrap_err_with(|| format!("cannot write {}", out.display()))?;
+
+    let budget = Budget { tick_us: arguments.budget_us, cycle_ms: arguments.cycle_ms };
+    let (points, references) = measure(&scene, &grid, budget)?;
+    let best = best(&points, &references, budget);
+    let file = AccuracyFile {
+        scene: &scene.name,
+        version: env!("CARGO_PKG_VERSION"),
+        cycle_rate: scene.global.rate,
+        budget,
+        points: &points,
+        references: &references,
+        best,
+        left_out: &grid.left_out,
+    };
+    write_json(&out.join("accuracy.json"), &file)?;
+    write_file(&out.join("index.html"), page::page(&file)?.into_string().as_bytes())?;
+
+    say(table::points(&file))?;
+    for line in sentences(&file) {
+        say(line)?;
+    }
+    say(format_args!("all {} methods: {}", points.len(), out.join("index.html").display()))?;
+    Ok(if file.best.is_some() { PASS } else { FAIL })
+}
+
+/// Errors first, in parallel; then times, each alone.
+fn measure(scene: &Scene, grid: &Grid, budget: Budget) -> Result<(Vec<Point>, Vec<ReferenceEntry>), SceneError> {
+    let runs = (grid.methods.len() + grid.contacts.len()) as u64;
+    let progress = Mutex::new(Progress::new(2 * runs * scene.tick_count));
+    let begin = |name: &str| with(&progress, |progress| progress.begin(name));
+    let done = || with(&progress, |progress| progress.end(scene.tick_count));
+
+    begin("references");
+    let references: Vec<Reference> = grid
+        .contacts
+        .par_iter()
+        .map(|&touching| Reference::of(scene, touching).inspect(|_| done()))
+        .collect::<Result<_, _>>()?;
+    begin("errors");
+    let assessed: Vec<(usize, Assessment)> = grid
+        .methods
+        .par_iter()
+        .map(|method| {
+            // The grid has a contact for each of its methods.
+            let reference = grid.contacts.iter().position(|touching| *touching == method.touching).unwrap_or(0);
+            Assessment::of(scene, method, &references[reference]).inspect(|_| done()).map(|found| (reference, found))
+        })
+        .collect::<Result<_, _>>()?;
+
+    begin("times");
+    let mut stopwatch = Stopwatch::new(grid.methods.len() + grid.contacts.len());
+    let mut entries = Vec::with_capacity(references.len());
+    for reference in references {
+        let cost = stopwatch.cost(&Reference::scene(scene, reference.touching))?;
+        done();
+        entries.push(entry(reference, cost));
+    }
+    let own = Method::of(scene);
+    let mut points = Vec::with_capacity(assessed.len());
+    for (method, (reference, assessment)) in grid.methods.iter().zip(assessed) {
+        let cost = stopwatch.cost(&method.scene(scene))?;
+        done();
+        let status = assessment.status(budget.admits(&cost, method.global_rate));
+        let Assessment { record, errors, is_unresolved, .. } = assessment;
+        points.push(Point {
+            name: method.to_string(),
+            reference,
+            names: method.names(),
+            status,
+            below_floor: is_unresolved,
+            is_paper: reference == 0 && method.local == PAPER && method.global_rate == PAPER_RATE_HZ,
+            is_own: *method == own,
+            on_front: false,
+            errors,
+            cost,
+            work: record.work,
+            condensation: record.condensation,
+            samples: record.samples(),
+            fault: record.fault,
+        });
+    }
+    let mark = |reference: usize| front(&points, &entries, reference, |point| Some(point.cost.tick_ns_p50));
+    let fastest: Vec<usize> = (0..entries.len()).flat_map(mark).collect();
+    fastest.into_iter().for_each(|i| points[i].on_front = true);
+    Ok((points, entries))
+}
+
+/// Which points of a reference no other beats both in some cost and in error.
+fn front(
+    points: &[Point],
+    references: &[ReferenceEntry],
+    reference: usize,
+    cost: impl Fn(&Point) -> Option<f64>,
+) -> Vec<usize> {
+    let stands = |point: &Point| point.reference == reference && point.status != Status::Diverged;
+    let (indices, places): (Vec<usize>, Vec<(f64, f64)>) = points
+        .iter()
+        .enumerate()
+        .filter(|(_, point)| stands(point))
+        .filter_map(|(i, point)| Some((i, (cost(point)?, point.known_error(references)))))
+        .unzip();
+    indices.into_iter().zip(accuracy::front(&places)).filter(|(_, on_front)| *on_front).map(|(i, _)| i).collect()
+}
+
+fn with(progress: &Mutex<Progress>, change: impl FnOnce(&mut Progress)) {
+    // Poisoned by a thread that panicked while it counted: the count is no longer of interest.
+    if let Ok(mut progress) = progress.lock() {
+        change(&mut progress);
+    }
+}
+
+fn entry(reference: Reference, cost: Cost) -> ReferenceEntry {
+    let Reference { touching, coarse, fine, floor } = reference;
+    let names = touching.names();
+    ReferenceEntry {
+        contact: touching.to_string(),
+        scheme: names.scheme,
+        surface: names.surface,
+        deformation: names.deformation,
+        metric: names.metric,
+        refinement: accuracy::REFINEMENT,
+        floor_rms_rel: floor,
+        force_rms_n: coarse.force_rms_n(),
+        energy_residual_rel: coarse.energy_residual_rel,
+        energy_residual_rel_fine: fine.energy_residual_rel,
+        cost,
+        work: coarse.work,
+        samples: coarse.samples(),
+        fault: coarse.fault,
+        fault_fine: fine.fault,
+    }
+}
+
+/// The closest within the budget that a local model with the scene's own contact comes; of several below the
+/// floor, which cannot be told apart, the fastest.
+fn best(points: &[Point], references: &[ReferenceEntry], budget: Budget) -> Option<Best> {
+    let rank = |point: &Point| (point.known_error(references), point.cost.tick_ns_p99);
+    let within = |point: &Point| match point.status {
+        Status::Ok | Status::Unresolved => point.reference == 0,
+        Status::Overrun | Status::Diverged => false,
+    };
+    let (i, point) = points
+        .iter()
+        .enumerate()
+        .filter(|(_, point)| within(point))
+        .min_by(|(_, a), (_, b)| rank(a).partial_cmp(&rank(b)).unwrap_or(std::cmp::Ordering::Equal))?;
+    let Errors { force_error_rms_rel, handover_jump_rel, .. } = point.errors;
+    let below = if point.below_floor { ", less than the references differ by," } else { "" };
+    let sentence = format!(
+        "Best within {} µs per tick: {}; its force is {:.2} % off the full network{below} and jumps by up to {:.1} % at \
+         hand-overs. A tick takes {:.2} µs (99 % of them at most {:.2} µs){}.",
+        budget.tick_us,
+        point.name,
+        100.0 * force_error_rms_rel,
+        100.0 * handover_jump_rel,
+        1e-3 * point.cost.tick_ns_p50,
+        1e-3 * point.cost.tick_ns_p99,
+        point.cost.build_ms.map_or(String::new(), |ms| format!(", a model {ms:.2} ms")),
+    );
+    let Cost { tick_ns_p99, build_ms, .. } = point.cost;
+    Some(Best {
+        point: i,
+        name: point.name.clone(),
+        force_error_rms_rel,
+        handover_jump_rel,
+        tick_ns_p99,
+        build_ms,
+        sentence,
+    })
+}
+
+/// What the report says in words.
+fn sentences(file: &AccuracyFile) -> Vec<String> {
+    let mut lines = vec![match &file.best {
+        Some(best) => best.sentence.clone(),
+        None => {
+            let cycle = file.budget.cycle_ms.map_or(String::new(), |ms| format!(" and {ms} ms per cycle"));
+            format!("No method is within {} µs per tick{cycle}.", file.budget.tick_us)
+        }
+    }];
+    let failed = file.points.iter().filter(|point| point.status == Status::Diverged).count();
+    lines.push(format!("{failed} of {} methods diverged.", file.points.len()));
+    lines.extend(file.references.iter().map(|reference| {
+        let floor = 100.0 * reference.floor_rms_rel;
+        let faults = [&reference.fault, &reference.fault_fine].into_iter().flatten();
+        let faults: String = faults.map(|fault| format!(" It ended in a fault: {fault}.")).collect();
+        format!("{}: steps of h and h/{} differ by {floor:.2} %.{faults}", reference.contact, reference.refinement)
+    }));
+    lines.extend(file.left_out.iter().map(|what| format!("Left out: {what}.")));
+    lines
+}

@@ -1,0 +1,143 @@
+//! `index.html` of an accuracy report.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use super::{AccuracyFile, sentences, table};
+
+const STYLE: &str = "
+:root { color-scheme: light dark; font: 16px/1.5 system-ui, sans-serif; }
+body { max-width: 76rem; margin: 0 auto; padding: 1rem; }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
+th, td { padding: .3rem .7rem; border-bottom: 1px solid #8886; text-align: right; }
+td { white-space: nowrap; }
+th:nth-child(-n+3), td:nth-child(-n+3) { text-align: left; }
+.diverged { color: #c22; }
+.unresolved, .overrun { opacity: .7; }
+.special { font-weight: bold; }
+figure { margin: 2rem 0; }
+.pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(30rem, 100%), 1fr)); gap: 1rem; }
+figure svg { width: 100%; height: auto; background: #fff; border-radius: 6px; }
+";
+
+pub fn page(file: &AccuracyFile) -> miette::Result<Markup> {
+    let title = format!("{}: accuracy of local models", file.scene);
+    Ok(html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { (title) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                h1 { (title) }
+                p {
+                    "The scene's drag with one local model after the other, each held against the full network at the \
+                     haptic rate with the same contact: what differs is the local model alone. Version "
+                    (env!("CARGO_PKG_VERSION")) "."
+                }
+                @for sentence in sentences(file) { p { (sentence) } }
+                @for (k, reference) in file.references.iter().enumerate() {
+                    h2 { (reference.contact) }
+                    div.pair {
+                        @for (figure, caption) in figures(file, k)? {
+                            figure { (PreEscaped(figure)) figcaption { (caption) } }
+                        }
+                    }
+                    div.wide {
+                        table {
+                            thead { tr { @for head in table::HEAD { th { (head) } } } }
+                            tbody {
+                                @for i in rows(file, k) {
+                                    @let cells = table::row(file, i);
+                                    @let special = if cells[1].is_empty() { "" } else { " special" };
+                                    tr class={ (file.points[i].status.name()) (special) } {
+                                        @for cell in cells { td { (cell) } }
+                                    }
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    })
+}
+
+/// Points of a reference, by their error; those that diverged last.
+fn rows(file: &AccuracyFile, reference: usize) -> Vec<usize> {
+    let mut rows: Vec<usize> = (0..file.points.len()).filter(|&i| file.points[i].reference == reference).collect();
+    let error = |i: usize| {
+        let point = &file.points[i];
+        let failed = if point.status == super::Status::Diverged { f64::INFINITY } else { 0.0 };
+        failed + point.errors.force_error_rms_rel
+    };
+    rows.sort_by(|&a, &b| error(a).total_cmp(&error(b)));
+    rows
+}
+
+#[cfg(feature = "plots")]
+const ERROR_CAPTION: &str = "Blue: fixed exterior, green: drifting, orange: condensed, grey: no exterior. Circles: \
+    tangents, triangles: springs; hollow: over budget; crosses on the rail: diverged. The line is the front of \
+    methods that no other beats in both.";
+
+/// The figures of a reference, with their captions.
+#[cfg(feature = "plots")]
+fn figures(file: &AccuracyFile, reference: usize) -> miette::Result<Vec<(String, &'static str)>> {
+    use super::Point;
+    use crate::output::precision::{Mark, Precision, compared_forces, precision};
+    use crate::verify::accuracy::PERCEPTION;
+    use miette::{IntoDiagnostic, WrapErr};
+
+    const GROUPS: [&str; 4] = ["fixed", "drifting", "condensed", "no exterior"];
+    let best = file.best.as_ref().map(|best| best.point);
+    let of_reference = || file.points.iter().enumerate().filter(move |(_, point)| point.reference == reference);
+    let figure = |title: &str, cost: &str, of: fn(&Point) -> Option<f64>, budget: f64| {
+        let front = super::front(file.points, file.references, reference, of);
+        let marks: Vec<Mark> = of_reference()
+            .map(|(i, point)| {
+                let labels = [(best == Some(i), "best"), (point.is_paper, "paper"), (point.is_own, "scene")];
+                let labels: Vec<&str> = labels.iter().filter(|(holds, _)| *holds).map(|(_, label)| *label).collect();
+                Mark {
+                    cost: of(point),
+                    error: point.errors.force_error_rms_rel,
+                    group: GROUPS.iter().position(|group| point.names.exterior == Some(group)).unwrap_or(3),
+                    triangle: point.names.linearization == "none",
+                    hollow: point.status == super::Status::Overrun,
+                    diverged: point.status == super::Status::Diverged,
+                    on_front: front.contains(&i),
+                    label: (!labels.is_empty()).then(|| labels.join(", ")),
+                }
+            })
+            .collect();
+        let floor = file.references[reference].floor_rms_rel;
+        precision(&Precision { title, cost, groups: &GROUPS, marks: &marks, budget, floor, perception: PERCEPTION })
+    };
+    let cycle_ms = file.budget.cycle_ms.unwrap_or(1e3 / file.cycle_rate);
+    let tick = |point: &Point| Some(1e-3 * point.cost.tick_ns_p50);
+    let drawn = || {
+        let mut figures = vec![
+            (figure("error against time per tick", "median tick (µs)", tick, file.budget.tick_us)?, ERROR_CAPTION),
+            (
+                figure("error against building a model", "model (ms)", |p| p.cost.build_ms, cycle_ms)?,
+                "The same against what building a model takes in a cycle; on the left edge: no model is built.",
+            ),
+        ];
+        let mut runs = vec![("full network", file.references[reference].samples.as_slice())];
+        let paper = of_reference().find(|(_, point)| point.is_paper);
+        runs.extend(paper.map(|(_, point)| ("the paper's local model", point.samples.as_slice())));
+        let best = best.filter(|_| reference == 0).map(|i| &file.points[i]);
+        runs.extend(best.map(|point| (point.name.as_str(), point.samples.as_slice())));
+        let caption = "Normal (solid) and tangential (dotted) force.";
+        figures.push((compared_forces("force of the reference, the paper's model and the best", &runs)?, caption));
+        Ok::<_, std::io::Error>(figures)
+    };
+    drawn().into_diagnostic().wrap_err("cannot draw the figures")
+}
+
+#[cfg(not(feature = "plots"))]
+fn figures(_: &AccuracyFile, _: usize) -> miette::Result<Vec<(String, &'static str)>> {
+    Ok(Vec::new())
+}

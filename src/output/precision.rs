@@ -1,0 +1,222 @@
+//! Figures of an accuracy report: error against cost, and forces of several methods.
+
+use std::io;
+
+use plotters::coord::Shift;
+use plotters::element::DashedPathElement;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use super::plots::{Drawn, thinned};
+use super::summary::Sample;
+
+const SIZE: (u32, u32) = (900, 520);
+const COLOURS: [RGBColor; 4] =
+    [RGBColor(24, 90, 157), RGBColor(90, 140, 60), RGBColor(200, 80, 30), RGBColor(120, 120, 120)];
+/// Relative errors from here to [`HIGHEST`] have a place of their own at most.
+const LOWEST: f64 = 1e-5;
+/// The rail of what diverged.
+const HIGHEST: f64 = 3.0;
+
+/// A method in [`precision`].
+#[derive(Debug, Clone)]
+pub struct Mark {
+    /// On the axis; none is put on the left edge.
+    pub cost: Option<f64>,
+    /// Relative.
+    pub error: f64,
+    /// Decides the colour.
+    pub group: usize,
+    /// Whether it is a triangle; otherwise a circle.
+    pub triangle: bool,
+    /// Whether it is drawn hollow: over budget.
+    pub hollow: bool,
+    /// Whether it is drawn on the rail.
+    pub diverged: bool,
+    /// Whether it is on the Pareto front.
+    pub on_front: bool,
+    /// What is written beside it.
+    pub label: Option<String>,
+}
+
+/// What a figure of error against cost is made of.
+#[derive(Debug, Clone)]
+pub struct Precision<'a> {
+    /// Above it.
+    pub title: &'a str,
+    /// Of the axis of costs.
+    pub cost: &'a str,
+    /// Names of the groups, four at most.
+    pub groups: &'a [&'a str],
+    /// Methods.
+    pub marks: &'a [Mark],
+    /// Costs beyond are over budget.
+    pub budget: f64,
+    /// Errors below mean nothing.
+    pub floor: f64,
+    /// Errors below are not felt.
+    pub perception: f64,
+}
+
+/// Error against cost, both logarithmic, as an SVG document. What diverged is on a rail at the upper edge,
+/// errors too small for the axis at the lower one.
+///
+/// # Errors
+/// If the plotting library cannot draw it.
+pub fn precision(figure: &Precision) -> io::Result<String> {
+    let mut svg = String::new();
+    draw_precision(&mut svg, figure).map_err(|error| io::Error::other(error.to_string()))?;
+    Ok(svg)
+}
+
+/// Normal (solid) and tangential (dotted) force of several runs over time, as an SVG document.
+///
+/// # Errors
+/// If the plotting library cannot draw it.
+pub fn compared_forces(title: &str, runs: &[(&str, &[Sample])]) -> io::Result<String> {
+    let mut svg = String::new();
+    draw_forces(&mut svg, title, runs).map_err(|error| io::Error::other(error.to_string()))?;
+    Ok(svg)
+}
+
+fn draw_precision(svg: &mut String, figure: &Precision) -> Drawn {
+    let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
+    root.fill(&WHITE)?;
+    let costs = || figure.marks.iter().filter_map(|mark| mark.cost).chain([figure.budget]);
+    let left = costs().filter(|&cost| cost > 0.0).fold(f64::INFINITY, f64::min) / 2.0;
+    let right = costs().fold(0.0, f64::max) * 2.0;
+    let errors = figure.marks.iter().map(|mark| mark.error).chain([figure.floor, figure.perception]);
+    let bottom = errors.filter(|&error| error > 0.0).fold(1.0, f64::min).max(LOWEST) / 2.0;
+    let top = 2.0 * HIGHEST;
+    let mut chart = ChartBuilder::on(&root)
+        .caption(figure.title, ("sans-serif", 18))
+        .margin(12)
+        .x_label_area_size(44)
+        .y_label_area_size(70)
+        .build_cartesian_2d((left..right).log_scale(), (bottom..top).log_scale())?;
+    let floor = figure.floor.clamp(bottom, top);
+    chart.draw_series([Rectangle::new([(left, bottom), (right, floor)], BLACK.mix(0.06).filled())])?;
+    chart
+        .configure_mesh()
+        .x_desc(figure.cost)
+        .y_desc("force error, relative RMS")
+        .x_label_formatter(&|value| format!("{value}"))
+        .y_label_formatter(&|value| format!("{} %", 100.0 * (value * 1e9).round() / 1e9))
+        .light_line_style(BLACK.mix(0.04))
+        .bold_line_style(BLACK.mix(0.12))
+        .label_style(("sans-serif", 14))
+        .draw()?;
+
+    let rule = BLACK.mix(0.6).stroke_width(1);
+    let across = |error: f64| [(left, error), (right, error)];
+    chart.draw_series([
+        DashedPathElement::new(across(figure.perception), 6, 4, rule),
+        DashedPathElement::new(across(floor), 1, 3, rule),
+        DashedPathElement::new([(figure.budget, bottom), (figure.budget, top)], 6, 4, rule),
+    ])?;
+    chart.draw_series([PathElement::new(across(HIGHEST), RED.mix(0.4))])?;
+
+    let place = |mark: &Mark| {
+        let error = if mark.diverged { HIGHEST } else { mark.error.clamp(bottom, 1.0) };
+        (mark.cost.unwrap_or(left).clamp(left, right), error)
+    };
+    let mut front: Vec<(f64, f64)> = figure.marks.iter().filter(|mark| mark.on_front).map(place).collect();
+    front.sort_by(|a, b| a.0.total_cmp(&b.0));
+    // A method is the best from its own cost to that of the next.
+    let steps = front.iter().zip(front.iter().skip(1).map(|next| next.0).chain([right]));
+    let steps: Vec<(f64, f64)> = steps.flat_map(|(&(cost, error), next)| [(cost, error), (next, error)]).collect();
+    chart.draw_series([PathElement::new(steps, BLACK.mix(0.35).stroke_width(2))])?;
+
+    for (k, name) in figure.groups.iter().enumerate() {
+        let colour = COLOURS[k % COLOURS.len()];
+        let of_group = || figure.marks.iter().filter(move |mark| mark.group == k);
+        let style = |mark: &Mark| if mark.hollow { colour.stroke_width(1) } else { colour.mix(0.8).filled() };
+        let circles = of_group().filter(|mark| !mark.triangle && !mark.diverged);
+        let circles = circles.map(|mark| Circle::new(place(mark), if mark.on_front { 6 } else { 4 }, style(mark)));
+        chart.draw_series(circles)?.label(*name).legend(move |(x, y)| Circle::new((x + 10, y), 5, colour.filled()));
+        let triangles = of_group().filter(|mark| mark.triangle && !mark.diverged);
+        chart.draw_series(
+            triangles.map(|mark| TriangleMarker::new(place(mark), if mark.on_front { 8 } else { 5 }, style(mark))),
+        )?;
+        let diverged = of_group().filter(|mark| mark.diverged);
+        chart.draw_series(diverged.map(|mark| Cross::new(place(mark), 5, colour.stroke_width(2))))?;
+    }
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::LowerLeft)
+        .margin(12)
+        .border_style(BLACK.mix(0.2))
+        .background_style(WHITE.mix(0.8))
+        .label_font(("sans-serif", 14))
+        .draw()?;
+
+    let write =
+        |(x, y): (i32, i32), text: &str, h: HPos, v: VPos| -> Drawn { text_at(&root, (x, y), text, Pos::new(h, v)) };
+    let at = |point: (f64, f64)| chart.backend_coord(&point);
+    let beside = |(x, y): (i32, i32), dx: i32, dy: i32| (x + dx, y + dy);
+    write(beside(at((right, figure.perception)), -4, -2), "10 %: a hand feels more", HPos::Right, VPos::Bottom)?;
+    write(beside(at((right, floor)), -4, 3), "below: unresolved", HPos::Right, VPos::Top)?;
+    write(beside(at((right, HIGHEST)), -4, -2), "diverged", HPos::Right, VPos::Bottom)?;
+    write(beside(at((figure.budget, bottom)), 4, -4), "budget", HPos::Left, VPos::Bottom)?;
+    for mark in figure.marks {
+        if let Some(label) = &mark.label {
+            write(beside(at(place(mark)), 0, -9), label, HPos::Center, VPos::Bottom)?;
+        }
+    }
+    root.present()?;
+    Ok(())
+}
+
+fn text_at(root: &DrawingArea<SVGBackend, Shift>, at: (i32, i32), text: &str, pos: Pos) -> Drawn {
+    root.draw_text(text, &("sans-serif", 13).into_font().color(&BLACK).pos(pos), at)?;
+    Ok(())
+}
+
+fn draw_forces(svg: &mut String, title: &str, runs: &[(&str, &[Sample])]) -> Drawn {
+    let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
+    root.fill(&WHITE)?;
+    let end = runs.iter().filter_map(|(_, samples)| samples.last()).map(|last| last.time).fold(0.0, f64::max);
+    // The first run is the reference: one that runs away leaves the figure, not the reference in a corner.
+    let reference = runs.first().map_or(&[][..], |(_, samples)| samples);
+    let top = reference.iter().map(|s| s.normal_force.max(s.tangential_force)).fold(0.0, f64::max);
+    let top = if top > 0.0 { 1.5 * top } else { 1.0 };
+    let mut chart = ChartBuilder::on(&root)
+        .caption(title, ("sans-serif", 18))
+        .margin(12)
+        .x_label_area_size(44)
+        .y_label_area_size(58)
+        .build_cartesian_2d(0.0..if end > 0.0 { end } else { 1.0 }, 0.0..top)?;
+    chart
+        .configure_mesh()
+        .x_desc("time (s)")
+        .y_desc("force on the instrument (N)")
+        .light_line_style(BLACK.mix(0.04))
+        .bold_line_style(BLACK.mix(0.12))
+        .label_style(("sans-serif", 14))
+        .draw()?;
+    let colours = [BLACK, COLOURS[0], COLOURS[2], COLOURS[1]];
+    for ((name, samples), colour) in runs.iter().zip(colours) {
+        let style = colour.mix(0.85).stroke_width(2);
+        let curve = |of: fn(&Sample) -> f64| {
+            let mut curve = thinned(samples, of);
+            curve.iter_mut().for_each(|point| point.1 = point.1.clamp(0.0, top));
+            curve
+        };
+        chart
+            .draw_series(LineSeries::new(curve(|s| s.normal_force), style))?
+            .label(*name)
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 26, y)], style));
+        chart.draw_series(DashedLineSeries::new(curve(|s| s.tangential_force), 2, 4, style))?;
+    }
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::UpperLeft)
+        .margin(14)
+        .legend_area_size(34)
+        .border_style(BLACK.mix(0.2))
+        .background_style(WHITE.mix(0.8))
+        .label_font(("sans-serif", 14))
+        .draw()?;
+    root.present()?;
+    Ok(())
+}
