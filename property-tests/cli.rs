@@ -101,7 +101,7 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
         "an implicit step without the velocity scheme",
         "linearization = \"tangent\"\nexterior = \"fixed\"\nintegrator = \"semi-implicit-euler\"",
         "integrator = \"implicit-euler\"",
-        &["`local.integrator = \"implicit-euler\"` needs `contact.scheme = \"velocity\"`", ":28:", "give"],
+        &["`local.integrator = \"implicit-euler\"` needs `contact.scheme = \"velocity\"`", ":26:", "give"],
     ),
     (
         "an implicit step of springs",
