@@ -4,6 +4,7 @@
 mod check;
 mod condensation;
 mod contact;
+mod extremes;
 mod limit;
 mod linearization;
 mod multirate;

@@ -2,6 +2,8 @@
 
 pub mod files;
 #[cfg(feature = "plots")]
+pub mod limits;
+#[cfg(feature = "plots")]
 pub mod plots;
 pub mod spectrum;
 pub mod summary;
