@@ -4,6 +4,7 @@ use stickslip::model::condensation::{Condensation, Reach};
 use stickslip::model::local::{ExteriorKind, Linearization, LocalSettings};
 use stickslip::model::patch::Extent;
 use stickslip::model::springs::TangentKind;
+use stickslip::model::step::LocalIntegrator;
 use stickslip::scene::Scene;
 use stickslip::verify::accuracy::{
     Assessment, Coverage, Method, PAPER, PAPER_RATE_HZ, Reference, Rings, Status, Touching, grid,
@@ -16,7 +17,13 @@ fn touching(scene: &Scene) -> Touching {
 }
 
 fn assess(scene: &Scene, reference: &Reference, local: LocalSettings) -> Assessment {
-    let method = Method { is_full: false, local, global_rate: PAPER_RATE_HZ, touching: reference.touching };
+    let method = Method {
+        is_full: false,
+        local,
+        integrator: LocalIntegrator::SemiImplicitEuler,
+        global_rate: PAPER_RATE_HZ,
+        touching: reference.touching,
+    };
     Assessment::of(scene, &method, reference).expect("it starts outside")
 }
 
@@ -118,7 +125,13 @@ fn grids_hold_the_paper_the_scene_and_nothing_twice() {
         for grid in [&few, &many] {
             let methods = &grid.methods;
             let touching = touching(&scene);
-            let paper = Method { is_full: false, local: PAPER, global_rate: PAPER_RATE_HZ, touching };
+            let paper = Method {
+                is_full: false,
+                local: PAPER,
+                integrator: LocalIntegrator::SemiImplicitEuler,
+                global_rate: PAPER_RATE_HZ,
+                touching,
+            };
             assert!(methods.contains(&paper) && methods.contains(&Method::of(&scene)), "{local}");
             assert!(methods.iter().enumerate().all(|(i, method)| !methods[..i].contains(method)), "{local}");
             assert!(methods.iter().all(|method| grid.contacts.contains(&method.touching)));

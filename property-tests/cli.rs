@@ -528,3 +528,27 @@ fn usage_errors_have_code_2_and_help_teaches() {
         assert!(help.contains(word), "{word}");
     }
 }
+
+#[test]
+fn stability_writes_a_page_that_stands_alone_and_its_numbers() {
+    let folder = Folder::new("stability");
+    let out = folder.path("out");
+    let output = stickslip(&["stability", "--out", &out.display().to_string()]);
+    let table = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(output.status.code(), Some(0), "{}{table}", stderr(&output));
+    assert!(table.contains("one-free-node") && table.contains("fault at tick"), "{table}");
+    let page = fs::read_to_string(out.join("index.html")).expect("a page");
+    assert_eq!(page.matches("<svg").count(), 3);
+    assert!(!page.contains("href=") && !page.contains("src="), "a link out of the page");
+    let json = fs::read_to_string(out.join("stability.json")).expect("numbers");
+    let json: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+    assert_eq!(json["passes"], true);
+    let maps = json["maps"].as_array().expect("maps");
+    assert!(maps.len() >= 56 && maps.iter().all(|boundary| boundary["ratio"].is_number()));
+    let extremes = json["extremes"].as_array().expect("extremes");
+    assert_eq!(extremes.len(), 2 * fs::read_dir("fixtures/extremes").expect("scenes").count());
+    assert!(extremes.iter().all(|extreme| extreme["as_expected"] == true));
+
+    let missing = stickslip(&["stability", "no-such-scene"]);
+    assert_eq!(missing.status.code(), Some(2), "{}", stderr(&missing));
+}

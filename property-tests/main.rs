@@ -5,6 +5,7 @@ mod accuracy;
 mod check;
 mod condensation;
 mod contact;
+mod extremes;
 mod integrators;
 mod limit;
 mod linearization;

@@ -7,8 +7,9 @@ use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper, Unconstrained}
 use stickslip::dynamics::stability::explicit_step_limit;
 use stickslip::model::mesh::{Block, Stencil};
 use stickslip::model::network::{ExternalForce, Material, Network};
+use stickslip::verify::stability_map::{Axis, EXTERIORS, Integrator, MapError, MapPoint, TOLERANCE, boundaries};
 
-use crate::check::Worst;
+use crate::check::{Worst, small_scene};
 use crate::network::dense_jacobian;
 
 fn network(damping: f64, drag: f64) -> Network {
@@ -109,3 +110,41 @@ fn the_limit_separates_decay_from_growth() {
     let above = grown(1.02 * limit);
     assert!(!(above < 1e-3), "just above: {above:e}");
 }
+
+/// The running local model against its one-step matrix, free and held, at the ends of every axis. The
+/// program measures all of them.
+#[test]
+fn local_models_are_stable_up_to_the_predicted_step() {
+    // Bisection to 3e-3, and growth that has to show within 1000 ticks.
+    let worst = Worst::new("one-step matrix", "longest stable step, measured over predicted, minus 1", TOLERANCE);
+    let contacts = ["law = \"sticking\"", "law = \"sticking\"\nscheme = \"velocity\"\nsurface = \"subdivision\""];
+    let points = [(Axis::Stiffness, 1e8), (Axis::MassRatio, 1e6), (Axis::DampingRatio, 10.0)];
+    for contact in contacts {
+        let scene = small_scene(contact, "rings = 1", PRESS);
+        for exterior in EXTERIORS {
+            for (axis, value) in points {
+                let point = MapPoint { integrator: Integrator::ALL[0], exterior, axis, value };
+                for boundary in boundaries(&scene, &point).expect("a patch that can be pressed") {
+                    let name = contact.replace('\n', ", ");
+                    println!("RESIDUAL | one-step matrix | {name}, {boundary:?} | {TOLERANCE} | {}", boundary.ratio);
+                    assert!(boundary.agrees || boundary.reason.is_some(), "{contact}: {boundary:?}");
+                    if boundary.agrees {
+                        worst.check((boundary.ratio - 1.0).abs());
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A tip above what does not yield has no map, and says why.
+#[test]
+fn a_scene_without_a_patch_to_press_says_so() {
+    let mut scene = small_scene("law = \"sticking\"", "rings = 1", PRESS);
+    scene.fixed.fill(true);
+    let point =
+        MapPoint { integrator: Integrator::ALL[0], exterior: EXTERIORS[0], axis: Axis::Stiffness, value: 100.0 };
+    assert!(matches!(boundaries(&scene, &point), Err(MapError::Rigid { .. })));
+}
+
+const PRESS: &str = "[[0.0, 0.003, 0.002, 0.001], [0.1, 0.003, 0.002, -0.002]]";

@@ -17,6 +17,7 @@ use crate::dynamics::global::{
 };
 use crate::model::condensation::CondensationCounts;
 use crate::model::local::LocalModelBuilder;
+use crate::model::mesh::Mesh;
 use crate::model::network::Network;
 use crate::model::patch::Extent;
 use crate::model::surface::Surface;
@@ -101,12 +102,19 @@ impl Simulation {
     /// # Errors
     /// If the mesh has no proper surface, or the tip starts inside it.
     pub fn prepare(scene: &Scene) -> Result<Self, SceneError> {
-        let mesh = scene.block.mesh();
-        let surface = Surface::new(&mesh).map_err(|error| scene.mesh_error(Problem::Surface(error)))?;
+        Self::assemble(scene, &scene.block.mesh())
+    }
+
+    /// The same over a mesh of one's own, with as many nodes as the scene has masses.
+    ///
+    /// # Errors
+    /// As [`prepare`](Self::prepare).
+    pub fn assemble(scene: &Scene, mesh: &Mesh) -> Result<Self, SceneError> {
+        let surface = Surface::new(mesh).map_err(|error| scene.mesh_error(Problem::Surface(error)))?;
         let surface = Arc::new(surface);
         let geometry =
             ContactGeometry::new(scene.surface, &surface).map_err(|error| scene.mesh_error(Problem::Surface(error)))?;
-        let network = Arc::new(Network::new(&mesh, &scene.material, scene.fixed.clone()));
+        let network = Arc::new(Network::new(mesh, &scene.material, scene.fixed.clone()));
         let builder = LocalModelBuilder::new(&network, surface.clone(), geometry, scene.local)
             .with_integrator(scene.integrator, scene.tick);
         let cycle = CycleSettings {

@@ -7,6 +7,7 @@ mod explain;
 mod progress;
 mod report;
 mod run;
+mod stability;
 mod table;
 mod time;
 
@@ -73,6 +74,21 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// How long steps may be, measured against predicted limits, and scenes that go to extremes
+    #[command(
+        after_help = "Writes DIR/index.html with its figures inside and DIR/stability.json. The limits are those of \
+        the scene's local model, with stiffness, mass ratio and damping varied; the extremes are always the same.\n\n\
+        Exit code 1: an extreme did not end as expected, or a limit is more than 2 % off for no known reason.\n\n\
+        Example: stickslip stability fig5-stick-slip --out /tmp/stability"
+    )]
+    Stability {
+        /// A scene file or the name of a shipped scene
+        #[arg(default_value = "fig5-stick-slip")]
+        scene: PathBuf,
+        /// Where the files go (default: reports/<scene name>)
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
     /// Compare results with accepted baselines, quantity by quantity
     #[command(after_help = "Writes DIR/check.json with every quantity; the table shows those that fail or improved. \
         A missing baseline, a value that is not finite, and more work than before fail.\n\n\
@@ -105,6 +121,7 @@ pub fn main() -> ExitCode {
     let done = match command.unwrap_or(Command::Report { scenes: Vec::new(), out: "reports".into() }) {
         Command::Report { scenes, out } => report::report(&scenes, &out),
         Command::Run { scene, out } => run::run(&scene, out),
+        Command::Stability { scene, out } => stability::stability(&scene, out),
         Command::Explain { scene, json } => explain::explain(&scene, json),
         Command::Check(arguments) => check::check(&arguments),
         Command::Accuracy(arguments) => accuracy::accuracy(&arguments),

@@ -164,7 +164,7 @@ fn surface_figure(_: &[SurfaceEntry]) -> miette::Result<String> {
     Ok(String::new())
 }
 
-const STYLE: &str = "
+pub const STYLE: &str = "
 :root { color-scheme: light dark; font: 16px/1.5 system-ui, sans-serif; }
 body { max-width: 76rem; margin: 0 auto; padding: 1rem; }
 .wide { overflow-x: auto; }

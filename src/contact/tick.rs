@@ -241,6 +241,11 @@ impl LocalSimulation {
         self.contact
     }
 
+    /// Puts the contact at a point, as after a tick that stuck there.
+    pub fn hold(&mut self, point: ContactPoint) {
+        self.contact = Some(Contact { point, grip: Grip::Stick });
+    }
+
     /// Ticks done with this model.
     pub fn model_age(&self) -> u64 {
         self.age

@@ -134,6 +134,13 @@ impl TipPath {
         }
     }
 
+    /// The same path elsewhere, and so many times slower.
+    pub fn transformed(&self, slower: f64, to: impl Fn(Vec3) -> Vec3) -> Self {
+        let waypoints = self.waypoints.iter();
+        let waypoint = |w: &Waypoint| Waypoint { time: w.time * slower, position: to(w.position) };
+        Self { waypoints: waypoints.map(waypoint).collect() }
+    }
+
     /// The fastest the tip moves, m/s.
     pub fn top_speed(&self) -> f64 {
         self.waypoints

@@ -282,6 +282,14 @@ impl LocalModelBuilder {
 }
 
 impl LocalModel {
+    /// K and D of a model whose forces are linear.
+    pub fn linear_forces(&self) -> Option<&LinearForces> {
+        match &self.forces {
+            LocalForces::Tangent(linear) => Some(linear),
+            LocalForces::Springs | LocalForces::SpringsAnd(_) => None,
+        }
+    }
+
     /// f(x, v) into `state.f`, at `elapsed` seconds.
     pub fn evaluate_forces(&self, elapsed: f64, state: &mut LocalState) {
         let LocalState { x, v, f, offset, work, .. } = state;

@@ -2,6 +2,8 @@
 
 pub mod files;
 #[cfg(feature = "plots")]
+pub mod limits;
+#[cfg(feature = "plots")]
 pub mod plots;
 #[cfg(feature = "plots")]
 pub mod precision;

@@ -15,6 +15,7 @@ use crate::model::condensation::{Condensation, CondensationCounts, FarField, Rea
 use crate::model::local::{ExteriorKind, Linearization, LocalSettings};
 use crate::model::patch::Extent;
 use crate::model::springs::TangentKind;
+use crate::model::step::LocalIntegrator;
 use crate::model::work::WorkCounts;
 use crate::output::summary::Sample;
 use crate::pipeline::Simulation;
@@ -60,6 +61,8 @@ pub struct Method {
     pub is_full: bool,
     /// The local model.
     pub local: LocalSettings,
+    /// How its ticks are solved.
+    pub integrator: LocalIntegrator,
     /// How often it is renewed, Hz.
     pub global_rate: f64,
     /// The contact.
@@ -134,6 +137,7 @@ impl Method {
         Self {
             is_full: scene.is_full,
             local: scene.local,
+            integrator: scene.integrator,
             global_rate: scene.global.rate,
             touching: Touching { surface: scene.surface, scheme: scene.contact.scheme },
         }
@@ -142,7 +146,7 @@ impl Method {
     /// The scene's drag, run this way. The substeps of the global side stay as long as they are.
     pub fn scene(&self, scene: &Scene) -> Scene {
         let mut own = scene.clone();
-        (own.local, own.is_full) = (self.local, self.is_full);
+        (own.local, own.is_full, own.integrator) = (self.local, self.is_full, self.integrator);
         (own.surface, own.contact.scheme) = (self.touching.surface, self.touching.scheme);
         if let Some(ticks) = ticks_per_cycle(scene, self.global_rate) {
             let substeps = f64::from(scene.global.substeps) * f64::from(ticks) / f64::from(scene.ticks_per_cycle);
@@ -193,7 +197,7 @@ impl Method {
             tangent,
             condense_rings,
             far_field,
-            integrator: "semi-implicit-euler",
+            integrator: self.integrator.name(),
             scheme,
             surface: match self.touching.surface {
                 ContactSurface::Faceted => "faceted",
@@ -234,6 +238,9 @@ impl fmt::Display for Method {
         [exterior, tangent].into_iter().flatten().try_for_each(|word| write!(f, ", {word}"))?;
         if let Some(reach @ Rings::Count(_)) = condense_rings {
             write!(f, " within {reach}")?;
+        }
+        if self.integrator != LocalIntegrator::SemiImplicitEuler {
+            write!(f, ", {}", self.integrator.name())?;
         }
         write!(f, ", {global_rate} Hz")
     }
@@ -296,6 +303,7 @@ pub fn grid(scene: &Scene, coverage: Coverage) -> Result<Grid, SceneError> {
         locals.insert(0, own.local);
     }
 
+    let explicit = LocalIntegrator::SemiImplicitEuler;
     let mut methods = Vec::new();
     for &touching in &contacts {
         if own.is_full {
@@ -304,10 +312,44 @@ pub fn grid(scene: &Scene, coverage: Coverage) -> Result<Grid, SceneError> {
         for &local in &locals {
             // All springs at every tick are the full network, however often they are collected anew.
             let renewals = if is_exact(&local) { &rates[..1] } else { &rates[..] };
-            methods.extend(renewals.iter().map(|&global_rate| Method { is_full: false, local, global_rate, touching }));
+            methods.extend(renewals.iter().map(|&global_rate| Method {
+                is_full: false,
+                local,
+                integrator: explicit,
+                global_rate,
+                touching,
+            }));
+        }
+        if touching.scheme == Scheme::Velocity {
+            let implicit = SOLVED.into_iter().flat_map(|integrator| {
+                let solved = locals.iter().filter(|local| is_solvable(local));
+                solved.map(move |&local| (integrator, local))
+            });
+            methods.extend(implicit.map(|(integrator, local)| Method {
+                is_full: false,
+                local,
+                integrator,
+                global_rate: own.global_rate,
+                touching,
+            }));
+        }
+        if !own.is_full && own.touching == touching && !methods.contains(&own) {
+            methods.push(own);
         }
     }
     Ok(Grid { methods, contacts, left_out })
+}
+
+/// Integrators that solve the linear model as a whole.
+const SOLVED: [LocalIntegrator; 3] =
+    [LocalIntegrator::ImplicitEuler, LocalIntegrator::ImplicitMidpoint, LocalIntegrator::Exponential];
+
+/// Linear models that they are compared on: one and two rings, as the paper has them or condensed.
+fn is_solvable(local: &LocalSettings) -> bool {
+    let small = matches!(local.extent, Extent::Rings(1 | 2));
+    let followed = Condensation { tangent: TangentKind::Exact, reach: Reach::All };
+    let exterior = [ExteriorKind::Fixed, ExteriorKind::Condensed(followed)].contains(&local.exterior);
+    small && exterior && local.linearization == Linearization::Tangent(TangentKind::Exact)
 }
 
 fn is_exact(local: &LocalSettings) -> bool {
@@ -535,7 +577,14 @@ pub struct Reference {
 impl Touching {
     /// In the words of scenes, with the full network.
     pub fn names(self) -> Names {
-        Method { is_full: true, local: LocalSettings::FULL, global_rate: 0.0, touching: self }.names()
+        Method {
+            is_full: true,
+            local: LocalSettings::FULL,
+            integrator: LocalIntegrator::SemiImplicitEuler,
+            global_rate: 0.0,
+            touching: self,
+        }
+        .names()
     }
 }
 

@@ -11,6 +11,7 @@ use crate::contact::tick::{Deformation, Scheme};
 use crate::dynamics::energy::EnergyBook;
 use crate::model::local::LocalSettings;
 use crate::model::mesh::Block;
+use crate::model::step::LocalIntegrator;
 use crate::output::spectrum::power_above;
 use crate::pipeline::{self, RunError};
 use crate::scene::Scene;
@@ -94,7 +95,7 @@ pub fn grid(refinement: usize) -> Vec<Combination> {
 /// The same drag with the whole network at the haptic rate, over another surface with another scheme.
 pub fn whole(scene: &Scene, surface: ContactSurface, scheme: Scheme) -> Scene {
     let mut scene = scene.clone();
-    (scene.local, scene.is_full) = (LocalSettings::FULL, true);
+    (scene.local, scene.is_full, scene.integrator) = (LocalSettings::FULL, true, LocalIntegrator::SemiImplicitEuler);
     (scene.surface, scene.contact.scheme) = (surface, scheme);
     scene
 }

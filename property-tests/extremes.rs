@@ -1,0 +1,101 @@
+//! Extreme scenes end as the table of expected outcomes says, and the table is held to it.
+
+use stickslip::Vec3;
+use stickslip::contact::law::Mode;
+use stickslip::device::failsafe::{Cause, Fault};
+use stickslip::dynamics::global::{CycleMessage, Keep, Trajectory};
+use stickslip::pipeline::Simulation;
+use stickslip::verify::extremes::{EXTREMES, Expected, Extreme, FaultKind, Got, Quantity, Variant};
+
+#[test]
+fn every_extreme_ends_as_expected() {
+    let mut differ = Vec::new();
+    for extreme in EXTREMES {
+        for variant in Variant::ALL {
+            let expected = extreme.expected(variant);
+            let got = extreme.run(variant, &expected);
+            println!("RESIDUAL | extremes | {}, {} | {expected} | {got}", extreme.name, variant.name());
+            if !expected.is_met_by(&got) {
+                let (name, variant, outcome) = (extreme.name, variant.name(), got.name());
+                differ.push(format!("{name}, {variant}: expected {expected}, got {outcome}: {got}"));
+            }
+        }
+    }
+    assert!(differ.is_empty(), "{}", differ.join("\n"));
+}
+
+fn extreme(name: &str) -> &'static Extreme {
+    EXTREMES.iter().find(|extreme| extreme.name == name).expect("an extreme of that name")
+}
+
+/// A table that expects something else is not met.
+#[test]
+fn a_wrong_expectation_is_not_met() {
+    let wrong: [(&str, Expected); 6] = [
+        ("rest-60s", Expected::Fault(FaultKind::Runaway)),
+        ("rest-60s", Expected::Refused("tip")),
+        ("stiffness-1e8", Expected::Answer(&[])),
+        ("stiffness-1e8", Expected::Fault(FaultKind::ForceNotFinite)),
+        // 0.34 N of a spring, not 0.35.
+        ("one-free-node", Expected::Answer(&[(Quantity::Ends(0.35), 0.01)])),
+        // Never fell back, because nothing is condensed.
+        ("one-free-node", Expected::Answer(&[(Quantity::FellBack, 0.01)])),
+    ];
+    for (name, expected) in wrong {
+        let got = extreme(name).run(Variant::AsGiven, &expected);
+        assert!(!expected.is_met_by(&got), "{name}: {expected} by {got}");
+    }
+}
+
+/// Nothing but the outcome that was asked for will do.
+#[test]
+fn no_expectation_is_met_by_a_panic_a_hang_or_nan() {
+    let fault = Fault {
+        tick: 1,
+        cause: Cause::ForceNotFinite,
+        mode: Mode::Free.name(),
+        force: Vec3::zeros(),
+        tip: Vec3::zeros(),
+        model_age: 0,
+    };
+    let passed_through = Got::Answer { measured: Vec::new(), tunnelling_ticks: 1 };
+    let expectations =
+        [Expected::Answer(&[]), Expected::Fault(FaultKind::Runaway), Expected::Refused("inside the surface")];
+    for expected in expectations {
+        for got in [Got::Panicked, Got::Hung, passed_through.clone(), Got::Fault(fault), Got::Refused("no".into())] {
+            assert!(!expected.is_met_by(&got), "{expected} by {got}");
+        }
+    }
+    // A quantity that is not a number: nothing slips without friction, and nothing is in balance without a force.
+    let expected = Expected::Answer(&[(Quantity::Balance, f64::INFINITY)]);
+    let got = extreme("rest-60s").run(Variant::AsGiven, &expected);
+    assert!(matches!(&got, Got::Answer { measured, .. } if measured[0].value.is_nan()), "{got}");
+    assert!(!expected.is_met_by(&got), "{got}");
+}
+
+/// Why 24 h of rest need not be simulated at 1 kHz: a tick leaves every bit as it was, and so does a cycle
+/// of the whole network; the next ones start from the same bits.
+#[test]
+fn rest_is_a_fixed_point_of_tick_and_cycle() {
+    for variant in Variant::ALL {
+        let scene = extreme("rest-60s").scene(variant).expect("a scene");
+        let (mut global, mut local) = Simulation::prepare(&scene).expect("it starts").into_sides();
+        let tip = scene.path.at(0.0);
+        let bits = |values: &[Vec3]| values.iter().flat_map(|v| v.iter().map(|c| c.to_bits())).collect::<Vec<_>>();
+        let whole = |state: &stickslip::model::network::State| (bits(&state.x), bits(&state.v));
+        let (start, network) = (local.state().clone(), whole(global.state()));
+        for _ in 0..3 {
+            let mut trajectory = Trajectory::new(Keep::Path);
+            trajectory.begin(local.model(), local.state(), 0, scene.ticks_per_cycle as usize);
+            for _ in 0..scene.ticks_per_cycle {
+                local.tick(tip, tip);
+                assert_eq!(bits(&local.state().x), bits(&start.x));
+                assert_eq!(bits(&local.state().v), bits(&start.v));
+                trajectory.record(local.state());
+            }
+            let message = global.advance(&CycleMessage { trajectory, contact: local.contact(), tip });
+            assert!(whole(global.state()) == network, "a cycle changed a bit of the network");
+            local.hand_over(message.model, message.state, 0, tip);
+        }
+    }
+}

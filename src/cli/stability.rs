@@ -1,0 +1,284 @@
+//! `stickslip stability`: limits of steps, measured and predicted, and extremes.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+use comfy_table::{Table, presets::UTF8_FULL_CONDENSED};
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use serde::Serialize;
+
+use super::progress::Progress;
+use super::report::STYLE;
+use super::{FAIL, PASS, load, say};
+use crate::output::files::{WriteError, write_file, write_json};
+use crate::pipeline::Simulation;
+use crate::scene::Scene;
+use crate::verify::extremes::{EXTREMES, Extreme, Got, Measured, Variant};
+use crate::verify::stability_map::{Axis, Boundary, MapError, TOLERANCE, Touching, boundaries, points};
+
+/// An extreme that takes longer hangs.
+const PATIENCE: Duration = Duration::from_secs(300);
+
+/// `stability.json`.
+#[derive(Serialize)]
+struct StabilityFile<'a> {
+    version: &'static str,
+    scene: &'a str,
+    passes: bool,
+    maps: &'a [Boundary],
+    /// Why there are no maps.
+    no_maps: Option<String>,
+    extremes: &'a [ExtremeEntry],
+}
+
+#[derive(Serialize)]
+struct ExtremeEntry {
+    scene: &'static str,
+    contact: &'static str,
+    variant: Variant,
+    expected: String,
+    got: &'static str,
+    detail: String,
+    measured: Vec<Measured>,
+    as_expected: bool,
+}
+
+pub fn stability(scene: &Path, out: Option<PathBuf>) -> miette::Result<u8> {
+    let (scene, _) = load(scene)?;
+    Simulation::prepare(&scene)?;
+    let out = out.unwrap_or_else(|| Path::new("reports").join(&scene.name));
+    std::fs::create_dir_all(&out).map_err(|source| WriteError { path: out.clone(), source })?;
+
+    let points = points();
+    let extremes: Vec<(&Extreme, Variant)> =
+        EXTREMES.iter().flat_map(|extreme| Variant::ALL.map(|variant| (extreme, variant))).collect();
+    let mut progress = Progress::new((points.len() + extremes.len()) as u64);
+    progress.begin("extremes");
+    let extremes = in_parallel(&extremes, &mut progress, |&(extreme, variant)| entry(extreme, variant));
+    progress.end(extremes.len() as u64);
+    progress.begin("limits of steps");
+    let maps = in_parallel(&points, &mut progress, |point| boundaries(&scene, point));
+    drop(progress);
+    let maps: Result<Vec<[Boundary; 2]>, MapError> = maps.into_iter().collect();
+    let (maps, no_maps) = match maps {
+        Ok(maps) => (maps.into_iter().flatten().collect(), None),
+        Err(error) => (Vec::new(), Some(error.to_string())),
+    };
+
+    let explained = maps.iter().all(|boundary| boundary.agrees || boundary.reason.is_some());
+    let passes = explained && extremes.iter().all(|entry| entry.as_expected);
+    let file = StabilityFile {
+        version: env!("CARGO_PKG_VERSION"),
+        scene: &scene.name,
+        passes,
+        maps: &maps,
+        no_maps: no_maps.clone(),
+        extremes: &extremes,
+    };
+    write_json(&out.join("stability.json"), &file)?;
+    let page = page(&scene, &maps, no_maps.as_deref(), &extremes)?;
+    write_file(&out.join("index.html"), page.into_string().as_bytes())?;
+
+    say(extremes_table(&extremes))?;
+    match &no_maps {
+        Some(reason) => say(format_args!("no maps: {reason}"))?,
+        None => say(maps_table(&maps))?,
+    }
+    for boundary in maps.iter().filter(|boundary| !boundary.agrees) {
+        say(disagreement(boundary))?;
+    }
+    say(format_args!("report: {}", out.join("index.html").display()))?;
+    Ok(if passes { PASS } else { FAIL })
+}
+
+/// One extreme, in a thread of its own so that neither a panic nor a hang is the end of it all.
+fn entry(extreme: &'static Extreme, variant: Variant) -> ExtremeEntry {
+    let expected = extreme.expected(variant);
+    let (done, result) = channel();
+    thread::spawn(move || done.send(extreme.run(variant, &expected)));
+    let got = result.recv_timeout(PATIENCE).unwrap_or_else(|error| match error {
+        RecvTimeoutError::Timeout => Got::Hung,
+        RecvTimeoutError::Disconnected => Got::Panicked,
+    });
+    ExtremeEntry {
+        scene: extreme.name,
+        contact: variant.name(),
+        variant,
+        expected: expected.to_string(),
+        got: got.name(),
+        detail: got.to_string(),
+        as_expected: expected.is_met_by(&got),
+        measured: match got {
+            Got::Answer { measured, .. } => measured,
+            _ => Vec::new(),
+        },
+    }
+}
+
+/// Every item's result, in order, on as many threads as the machine has.
+fn in_parallel<T: Sync, R: Send>(items: &[T], progress: &mut Progress, of: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    let next = AtomicUsize::new(0);
+    let done = Mutex::new((Vec::with_capacity(items.len()), progress));
+    thread::scope(|scope| {
+        for _ in 0..thread::available_parallelism().map_or(1, usize::from) {
+            scope.spawn(|| {
+                while let (index, Some(item)) = {
+                    let index = next.fetch_add(1, Ordering::Relaxed);
+                    (index, items.get(index))
+                } {
+                    let result = of(item);
+                    let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
+                    done.0.push((index, result));
+                    let count = done.0.len() as u64;
+                    done.1.set(count);
+                }
+            });
+        }
+    });
+    let (mut results, _) = done.into_inner().unwrap_or_else(PoisonError::into_inner);
+    results.sort_by_key(|(index, _)| *index);
+    results.into_iter().map(|(_, result)| result).collect()
+}
+
+fn extremes_table(extremes: &[ExtremeEntry]) -> Table {
+    let mut table = Table::new();
+    table.load_style(UTF8_FULL_CONDENSED).set_header(["extreme", "contact", "expected", "got", "detail"]);
+    for entry in extremes {
+        let got = if entry.as_expected { entry.got.to_owned() } else { format!("{}, UNEXPECTED", entry.got) };
+        table.add_row([entry.scene, entry.contact, &entry.expected, &got, &entry.detail]);
+    }
+    table
+}
+
+fn touching_name(touching: Touching) -> &'static str {
+    match touching {
+        Touching::Free => "free",
+        Touching::Held => "held",
+    }
+}
+
+fn step(limit_s: Option<f64>) -> String {
+    match limit_s {
+        Some(0.0) => "none is stable".to_owned(),
+        Some(limit) => format!("{:.4} ms", 1e3 * limit),
+        None => "no limit".to_owned(),
+    }
+}
+
+const MAP_HEAD: [&str; 7] = ["varied", "integrator, exterior", "contact", "at", "predicted", "measured", "ratio"];
+
+fn map_row(b: &Boundary) -> [String; 7] {
+    [
+        b.axis.name().to_owned(),
+        format!("{}, {}", b.integrator, b.exterior),
+        touching_name(b.touching).to_owned(),
+        format!("{}", b.value),
+        step(b.predicted_s),
+        step(b.measured_s),
+        format!("{:.4}", b.ratio),
+    ]
+}
+
+fn maps_table(maps: &[Boundary]) -> Table {
+    let mut table = Table::new();
+    table.load_style(UTF8_FULL_CONDENSED).set_header(MAP_HEAD);
+    maps.iter().for_each(|boundary| {
+        table.add_row(map_row(boundary));
+    });
+    table
+}
+
+fn disagreement(boundary: &Boundary) -> String {
+    let reason = boundary.reason.as_deref().unwrap_or("UNEXPLAINED");
+    format!("{}: more than {:.0} % apart: {reason}", map_row(boundary).join(", "), 100.0 * TOLERANCE)
+}
+
+#[cfg(feature = "plots")]
+fn figure(axis: Axis, maps: &[Boundary]) -> miette::Result<String> {
+    use crate::output::limits::{Curve, limits};
+    let mut curves: Vec<Curve> = Vec::new();
+    for b in maps.iter().filter(|b| b.axis == axis) {
+        let name = format!("{}, {}, {}", b.integrator, b.exterior, touching_name(b.touching));
+        let index = curves.iter().position(|curve| curve.name == name).unwrap_or_else(|| {
+            curves.push(Curve { name, points: Vec::new() });
+            curves.len() - 1
+        });
+        if let (Some(predicted), Some(measured)) = (b.predicted_s, b.measured_s) {
+            curves[index].points.push([b.value, predicted, measured]);
+        }
+    }
+    limits(axis.name(), axis != Axis::DampingRatio, &curves)
+        .map_err(|error| miette::miette!("cannot draw the limits: {error}"))
+}
+
+#[cfg(not(feature = "plots"))]
+fn figure(_: Axis, _: &[Boundary]) -> miette::Result<String> {
+    Ok(String::new())
+}
+
+fn page(scene: &Scene, maps: &[Boundary], no_maps: Option<&str>, extremes: &[ExtremeEntry]) -> miette::Result<Markup> {
+    let figures = Axis::ALL.map(|axis| figure(axis, maps)).into_iter().collect::<miette::Result<Vec<_>>>()?;
+    Ok(html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { "stickslip: stability of " (scene.name) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                h1 { "stickslip: stability of " (scene.name) }
+                h2 { "Limits of the local step" }
+                p {
+                    "The longest stable step of the local model at rest, free and with a point held by the tip. Lines: \
+                     where the spectral radius of the one-step matrix reaches 1. Marks: where a perturbation of the \
+                     running model begins to grow. Below: measured over predicted, with 2 % shaded. What is not varied is \
+                     the scene's. A drifting exterior has the limits of a fixed one."
+                }
+                @if let Some(reason) = no_maps {
+                    p.unexpected { "No maps: " (reason) "." }
+                } @else {
+                    @for (axis, figure) in Axis::ALL.iter().zip(&figures) {
+                        figure { (PreEscaped(figure)) figcaption { "Longest stable step by " (axis.name()) "." } }
+                    }
+                    @for boundary in maps.iter().filter(|boundary| !boundary.agrees) {
+                        p.unexpected { (disagreement(boundary)) }
+                    }
+                    details {
+                        summary { "The numbers" }
+                        div.wide {
+                            table {
+                                thead { tr { @for head in MAP_HEAD { th { (head) } } } }
+                                tbody { @for boundary in maps { tr { @for cell in map_row(boundary) { td { (cell) } } } } }
+                            }
+                        }
+                    }
+                }
+                h2 { "Extremes" }
+                p {
+                    "Scenes that ask for more than is good for them. Each ends with the right answer, by a quantity that is \
+                     known otherwise, or with an error or fault that has a name."
+                }
+                div.wide {
+                    table {
+                        thead { tr { @for head in ["extreme", "contact", "expected", "got", "detail"] { th { (head) } } } }
+                        tbody {
+                            @for entry in extremes {
+                                tr class=[(!entry.as_expected).then_some("unexpected")] {
+                                    @for cell in [entry.scene, entry.contact, &entry.expected, entry.got, &entry.detail] {
+                                        td style="white-space: normal; text-align: left" { (cell) }
+                                    }
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    })
+}

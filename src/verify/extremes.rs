@@ -1,0 +1,571 @@
+//! Extreme scenes, each with the outcome that is expected of it: the right answer, by a quantity that is
+//! known otherwise, or an error or fault that has a name.
+
+use std::fmt;
+use std::ops::Range;
+use std::path::Path;
+
+use serde::Serialize;
+
+use crate::Vec3;
+use crate::contact::law::{Law, Mode};
+use crate::contact::operators::Support;
+use crate::contact::subdivision::LARGEST_SUPPORT;
+use crate::contact::surface::ContactSurface;
+use crate::contact::tick::Scheme;
+use crate::device::failsafe::{Cause, Fault};
+use crate::model::condensation::CondensationCounts;
+use crate::model::local::LocalSettings;
+use crate::model::mesh::{Block, Mesh, Stencil};
+use crate::pipeline::{Simulation, TickView};
+use crate::scene::{Scene, SceneError};
+
+/// A free tip this far inside the surface, m, has passed through it.
+const TUNNELLED_M: f64 = 1e-12;
+
+/// A scene in `fixtures/extremes/`.
+#[derive(Debug, Clone, Copy)]
+pub struct Extreme {
+    /// Its name.
+    pub name: &'static str,
+    /// Its TOML.
+    pub text: &'static str,
+    /// Puts another mesh in the place of the scene's block, where that is the extreme.
+    pub reshape: Option<fn(&mut Scene) -> Mesh>,
+    /// Of the scene as it is: geometric scheme, faceted.
+    pub expected: Expected,
+    /// Of the same with the velocity scheme over the limit surface, if it is another outcome.
+    pub expected_of_variant: Option<Expected>,
+}
+
+/// The contact that an extreme is run with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Variant {
+    /// As the scene says.
+    AsGiven,
+    /// The velocity scheme over the limit surface.
+    SubdivisionVelocity,
+}
+
+impl Variant {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::AsGiven, Self::SubdivisionVelocity];
+
+    /// For people.
+    pub fn name(self) -> &'static str {
+        match self {
+            Variant::AsGiven => "geometric, faceted",
+            Variant::SubdivisionVelocity => "velocity, subdivision",
+        }
+    }
+}
+
+/// How an extreme is to end.
+#[derive(Debug, Clone, Copy)]
+pub enum Expected {
+    /// After its duration, nothing having passed through the surface unfelt, every quantity within its
+    /// tolerance.
+    Answer(&'static [(Quantity, f64)]),
+    /// With a fault of this kind.
+    Fault(FaultKind),
+    /// Before its first tick, with an error that says this.
+    Refused(&'static str),
+}
+
+/// A [`Cause`] without its values.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FaultKind {
+    /// [`Cause::ForceNotFinite`].
+    ForceNotFinite,
+    /// [`Cause::StateNotFinite`].
+    StateNotFinite,
+    /// [`Cause::Runaway`].
+    Runaway,
+    /// [`Cause::NoModel`].
+    NoModel,
+}
+
+impl FaultKind {
+    fn of(cause: &Cause) -> Self {
+        match cause {
+            Cause::ForceNotFinite => Self::ForceNotFinite,
+            Cause::StateNotFinite { .. } => Self::StateNotFinite,
+            Cause::Runaway { .. } => Self::Runaway,
+            Cause::NoModel(_) => Self::NoModel,
+        }
+    }
+}
+
+/// What shows that an answer is right. All are relative unless they have a unit.
+#[derive(Debug, Clone, Copy)]
+pub enum Quantity {
+    /// Instrument, ground and weight are in balance at the end: their sum over the largest of them. The
+    /// ground's share is taken from the springs alone.
+    Balance,
+    /// The force is another scene's at every tick, times a factor: largest difference over largest force.
+    SameAs(Twin, f64),
+    /// The force ends as another scene's ends.
+    EndsAs(Twin),
+    /// How far F_T goes beyond μF_N, N.
+    Coulomb,
+    /// Work that is neither stored nor dissipated, over all work.
+    EnergyBook,
+    /// The largest change of the energy of a free body.
+    EnergyKept,
+    /// How far nodes ever get from their rest places, m. Zero is to the bit.
+    Moved(fn(u32) -> bool),
+    /// How far nodes are from their rest places at the end, m.
+    Remains,
+    /// Largest force, N.
+    Force,
+    /// The force at the end is this, N; relative.
+    Ends(f64),
+    /// Share of local models that fell back to the stabilised tangent; the tolerance is the least.
+    FellBack,
+}
+
+/// A scene made from another one.
+pub type Twin = fn(&mut Scene);
+
+impl Quantity {
+    fn name(&self) -> &'static str {
+        match self {
+            Quantity::Balance => "instrument, ground and weight in balance",
+            Quantity::SameAs(..) => "force of the twin at every tick",
+            Quantity::EndsAs(_) => "force of the twin at the end",
+            Quantity::Coulomb => "F_T beyond μ F_N (N)",
+            Quantity::EnergyBook => "energy book",
+            Quantity::EnergyKept => "energy of the free body",
+            Quantity::Moved(_) => "furthest from rest (m)",
+            Quantity::Remains => "from rest at the end (m)",
+            Quantity::Force => "largest force (N)",
+            Quantity::Ends(_) => "force at the end",
+            Quantity::FellBack => "models that fell back",
+        }
+    }
+
+    /// Whether it is a least instead of a most.
+    fn is_floor(&self) -> bool {
+        matches!(self, Quantity::FellBack)
+    }
+}
+
+/// A quantity of a run.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Measured {
+    /// Which.
+    pub quantity: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// What it may be at most, or for what fell back, at least.
+    pub tolerance: f64,
+    /// Whether it is.
+    pub within: bool,
+}
+
+/// How an extreme ended.
+#[derive(Debug, Clone)]
+pub enum Got {
+    /// After its duration.
+    Answer {
+        /// What was expected to be right.
+        measured: Vec<Measured>,
+        /// Ticks with the tip inside the surface, no force and no contact kept.
+        tunnelling_ticks: u64,
+    },
+    /// By the fail-safe.
+    Fault(Fault),
+    /// Before the first tick.
+    Refused(String),
+    /// With a panic: never right.
+    Panicked,
+    /// Not within the time it was given: never right.
+    Hung,
+}
+
+impl Expected {
+    /// Whether a run ended so. NaN is within nothing.
+    pub fn is_met_by(&self, got: &Got) -> bool {
+        match (self, got) {
+            (Expected::Answer(quantities), Got::Answer { measured, tunnelling_ticks }) => {
+                *tunnelling_ticks == 0 && measured.len() == quantities.len() && measured.iter().all(|m| m.within)
+            }
+            (Expected::Fault(kind), Got::Fault(fault)) => FaultKind::of(&fault.cause) == *kind,
+            (Expected::Refused(words), Got::Refused(error)) => error.contains(words),
+            _ => false,
+        }
+    }
+}
+
+impl fmt::Display for Expected {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Expected::Answer(quantities) => {
+                write!(f, "answer: ")?;
+                for (i, (quantity, tolerance)) in quantities.iter().enumerate() {
+                    let bound = if quantity.is_floor() { "≥" } else { "≤" };
+                    write!(f, "{}{} {bound} {tolerance:.0e}", if i > 0 { "; " } else { "" }, quantity.name())?;
+                }
+                Ok(())
+            }
+            Expected::Fault(FaultKind::ForceNotFinite) => f.write_str("fault: force not finite"),
+            Expected::Fault(FaultKind::StateNotFinite) => f.write_str("fault: state not finite"),
+            Expected::Fault(FaultKind::Runaway) => f.write_str("fault: runaway"),
+            Expected::Fault(FaultKind::NoModel) => f.write_str("fault: no model"),
+            Expected::Refused(words) => write!(f, "error: {words}"),
+        }
+    }
+}
+
+impl Got {
+    /// In one word.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Got::Answer { tunnelling_ticks: 1.., .. } => "tunnelled",
+            Got::Answer { .. } => "answer",
+            Got::Fault(_) => "fault",
+            Got::Refused(_) => "error",
+            Got::Panicked => "panic",
+            Got::Hung => "hang",
+        }
+    }
+}
+
+impl fmt::Display for Got {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Got::Answer { measured, tunnelling_ticks } => {
+                for (i, m) in measured.iter().enumerate() {
+                    write!(f, "{}{} {:.1e}", if i > 0 { "; " } else { "" }, m.quantity, m.value)?;
+                }
+                if *tunnelling_ticks > 0 { write!(f, "; unfelt inside for {tunnelling_ticks} ticks") } else { Ok(()) }
+            }
+            Got::Fault(fault) => fault.fmt(f),
+            Got::Refused(error) => f.write_str(error),
+            Got::Panicked => f.write_str("the simulation panicked"),
+            Got::Hung => f.write_str("the simulation did not come to an end"),
+        }
+    }
+}
+
+impl Extreme {
+    /// What is expected of it.
+    pub fn expected(&self, variant: Variant) -> Expected {
+        match variant {
+            Variant::AsGiven => self.expected,
+            Variant::SubdivisionVelocity => self.expected_of_variant.unwrap_or(self.expected),
+        }
+    }
+
+    /// Its scene, with this contact.
+    ///
+    /// # Errors
+    /// If it is refused.
+    pub fn scene(&self, variant: Variant) -> Result<Scene, SceneError> {
+        let mut scene = Scene::parse(self.text, Path::new(self.name))?;
+        if variant == Variant::SubdivisionVelocity {
+            (scene.surface, scene.contact.scheme) = (ContactSurface::Subdivision, Scheme::Velocity);
+        }
+        Ok(scene)
+    }
+
+    /// Runs it and measures what `expected` asks for.
+    pub fn run(&self, variant: Variant, expected: &Expected) -> Got {
+        let scene = match self.scene(variant) {
+            Ok(scene) => scene,
+            Err(error) => return Got::Refused(error.to_string()),
+        };
+        let watch = match self.watch(scene.clone()) {
+            Ok(watch) => watch,
+            Err(got) => return got,
+        };
+        let quantities: &[(Quantity, f64)] = match expected {
+            Expected::Answer(quantities) => quantities,
+            Expected::Fault(_) | Expected::Refused(_) => &[],
+        };
+        let mut measured = Vec::with_capacity(quantities.len());
+        for (quantity, tolerance) in quantities {
+            let value = match quantity {
+                Quantity::SameAs(twin, _) | Quantity::EndsAs(twin) => {
+                    let mut other = scene.clone();
+                    twin(&mut other);
+                    match self.watch(other) {
+                        Ok(other) => watch.compare(quantity, &other),
+                        Err(got) => return got,
+                    }
+                }
+                _ => watch.value(quantity),
+            };
+            let within = if quantity.is_floor() { value >= *tolerance } else { value <= *tolerance };
+            measured.push(Measured { quantity: quantity.name(), value, tolerance: *tolerance, within });
+        }
+        Got::Answer { measured, tunnelling_ticks: watch.tunnelling_ticks }
+    }
+
+    fn watch(&self, mut scene: Scene) -> Result<Watch, Got> {
+        let mesh = match self.reshape {
+            Some(reshape) => reshape(&mut scene),
+            None => scene.block.mesh(),
+        };
+        let simulation = Simulation::assemble(&scene, &mesh).map_err(|error| Got::Refused(error.to_string()))?;
+        let mut watch = Watch::new(&scene, &mesh);
+        simulation.run(|view| watch.see(view)).map_err(Got::Fault)?;
+        Ok(watch)
+    }
+}
+
+/// What is kept of a run.
+struct Watch {
+    scheme: Scheme,
+    friction: Option<f64>,
+    gravity: Vec3,
+    rest: Vec<Vec3>,
+    forces: Vec<Vec3>,
+    tunnelling_ticks: u64,
+    beyond_coulomb_n: f64,
+    balance: f64,
+    energy_book: f64,
+    /// Least and largest energy since the tip left.
+    free_energy: Range<f64>,
+    /// Of each node, from its rest place, m.
+    moved: Vec<f64>,
+    remains: f64,
+    condensation: Option<CondensationCounts>,
+    last_tick: u64,
+}
+
+impl Watch {
+    fn new(scene: &Scene, mesh: &Mesh) -> Self {
+        Self {
+            scheme: scene.contact.scheme,
+            friction: match scene.contact.law {
+                Law::StickSlip { friction } => Some(friction),
+                Law::Sliding | Law::Sticking => None,
+            },
+            gravity: scene.material.gravity,
+            rest: mesh.nodes.clone(),
+            forces: Vec::new(),
+            tunnelling_ticks: 0,
+            beyond_coulomb_n: 0.0,
+            balance: f64::NAN,
+            energy_book: f64::NAN,
+            free_energy: f64::INFINITY..f64::NEG_INFINITY,
+            moved: vec![0.0; mesh.nodes.len()],
+            remains: f64::NAN,
+            condensation: None,
+            last_tick: scene.tick_count - 1,
+        }
+    }
+
+    fn see(&mut self, view: &TickView) {
+        let (local, report) = (view.local, view.report);
+        self.forces.push(view.force);
+        let unfelt = report.mode == Mode::Free && local.contact().is_none();
+        self.tunnelling_ticks += u64::from(unfelt && !(local.shape().signed_distance(view.tip) >= -TUNNELLED_M));
+        if let (Some(friction), false) = (self.friction, report.rigid) {
+            let beyond = report.tangential_force() - friction * report.normal_force;
+            self.beyond_coulomb_n = larger(self.beyond_coulomb_n, beyond);
+        }
+
+        let (patch, state) = (&local.model().patch, local.state());
+        let mut furthest = 0.0;
+        for (slot, x) in state.x.iter().enumerate() {
+            let node = patch.node(slot) as usize;
+            let moved = (x - self.rest[node]).norm();
+            furthest = larger(furthest, moved);
+            self.moved[node] = larger(self.moved[node], moved);
+        }
+        if report.mode == Mode::Free && view.tick > 0 && view.energy.absolute_work > 0.0 {
+            let energy = view.energy.kinetic + view.energy.elastic + view.energy.gravitational;
+            self.free_energy = self.free_energy.start.min(energy)..larger(self.free_energy.end, energy);
+        }
+        self.condensation = view.condensation;
+        if view.tick == self.last_tick {
+            self.remains = furthest;
+            self.balance = self.out_of_balance(view);
+            self.energy_book = view.energy.residual().abs() / view.energy.absolute_work;
+        }
+    }
+
+    /// |instrument + ground − weight| over the largest of the three.
+    fn out_of_balance(&self, view: &TickView) -> f64 {
+        let (model, state) = (view.local.model(), view.local.state());
+        let mut f = vec![Vec3::zeros(); state.x.len()];
+        model.patch.springs.add_forces(&state.x, &state.v, &mut f);
+        let ground: Vec3 = f[model.patch.len()..].iter().sum();
+        let weight = self.gravity * model.patch.mass.iter().sum::<f64>();
+        let mut support = Support::with_capacity(LARGEST_SUPPORT);
+        if let (Some(contact), false) = (view.local.contact(), view.report.rigid) {
+            view.local.shape().touch(self.scheme.metric(), &contact.point, &mut support);
+        }
+        // What fixed nodes carry of the contact point goes into the ground directly.
+        let instrument = view.force * support.free_weight();
+        let largest = [instrument, ground, weight].iter().map(Vec3::norm).fold(0.0, larger);
+        (instrument + ground - weight).norm() / largest
+    }
+
+    fn compare(&self, quantity: &Quantity, twin: &Watch) -> f64 {
+        let last = |watch: &Watch| watch.forces.last().copied().unwrap_or_else(|| Vec3::repeat(f64::NAN));
+        match quantity {
+            Quantity::SameAs(_, factor) if self.forces.len() == twin.forces.len() => {
+                let pairs = self.forces.iter().zip(&twin.forces);
+                let difference = pairs.map(|(a, b)| (a - b * *factor).norm()).fold(0.0, larger);
+                difference / twin.forces.iter().map(|b| (b * *factor).norm()).fold(0.0, larger)
+            }
+            Quantity::EndsAs(_) => (last(self) - last(twin)).norm() / last(twin).norm(),
+            _ => f64::NAN,
+        }
+    }
+
+    fn value(&self, quantity: &Quantity) -> f64 {
+        match quantity {
+            Quantity::Balance => self.balance,
+            Quantity::Coulomb => self.beyond_coulomb_n,
+            Quantity::EnergyBook => self.energy_book,
+            Quantity::EnergyKept => (self.free_energy.end - self.free_energy.start) / self.free_energy.end,
+            Quantity::Moved(which) => {
+                let nodes = (0..).zip(&self.moved).filter(|&(node, _)| which(node));
+                nodes.map(|(_, &moved)| moved).fold(0.0, larger)
+            }
+            Quantity::Remains => self.remains,
+            Quantity::Force => self.forces.iter().map(Vec3::norm).fold(0.0, larger),
+            Quantity::Ends(force_n) => {
+                self.forces.last().map_or(f64::NAN, |force| (force.norm() / force_n - 1.0).abs())
+            }
+            Quantity::FellBack => {
+                self.condensation.map_or(0.0, |counts| counts.stabilised as f64 / counts.models as f64)
+            }
+            Quantity::SameAs(..) | Quantity::EndsAs(_) => f64::NAN,
+        }
+    }
+}
+
+/// The larger of two numbers; NaN stays.
+fn larger(a: f64, b: f64) -> f64 {
+    if b <= a { a } else { b }
+}
+
+/// Balances of what has settled: round-off of forces of some newtons in springs of 100 N/m, and what the
+/// slowest mode has left.
+const SETTLED: f64 = 1e-6;
+/// Round-off over a run in which nothing but the order of operations differs.
+const ROUND_OFF: f64 = 1e-9;
+
+macro_rules! extremes {
+    ($($name:literal $(reshaped by $reshape:path)? => $expected:expr $(, variant $variant:expr)?;)*) => {
+        /// All extremes.
+        pub const EXTREMES: &[Extreme] = &[$(Extreme {
+            name: $name,
+            text: include_str!(concat!("../../fixtures/extremes/", $name, ".toml")),
+            reshape: extremes!(@option $($reshape)?),
+            expected: $expected,
+            expected_of_variant: extremes!(@option $($variant)?),
+        }),*];
+    };
+    (@option) => { None };
+    (@option $value:expr) => { Some($value) };
+}
+
+use Expected::{Answer, Fault as Faults};
+use Quantity::{Balance, Coulomb, Ends, EndsAs, EnergyBook, EnergyKept, FellBack, Force, Moved, Remains, SameAs};
+
+extremes! {
+    "needles" reshaped by needles => Answer(&[(Balance, 1e-3)]);
+    "vertex" => Answer(&[(Balance, SETTLED), (SameAs(beside, 1.0), 1e-5)]);
+    "edge" => Answer(&[(Balance, SETTLED), (SameAs(beside, 1.0), 1e-5)]);
+    "ten-edges" => Answer(&[(Balance, SETTLED), (EndsAs(pressed_at_the_end), SETTLED)]);
+    "fast-tip" => Answer(&[(EndsAs(pressed_at_the_end_whole), SETTLED)]);
+    "jump" => Answer(&[(Balance, SETTLED), (Coulomb, ROUND_OFF)]);
+    "friction-0" => Answer(&[(EndsAs(sliding), SETTLED), (Coulomb, ROUND_OFF)]);
+    "friction-1e-9" => Answer(&[(EndsAs(sliding), SETTLED), (Coulomb, ROUND_OFF)]);
+    "friction-10" => Answer(&[(SameAs(sticking, 1.0), ROUND_OFF), (Coulomb, ROUND_OFF)]);
+    "friction-1e6" => Answer(&[(SameAs(sticking, 1.0), ROUND_OFF), (Coulomb, ROUND_OFF)]);
+    "masses" => Faults(FaultKind::Runaway), variant Answer(&[(EnergyBook, 0.05)]);
+    "masses-fine" => Answer(&[(EnergyBook, 0.01)]);
+    "stiffness-1e8" => Faults(FaultKind::Runaway);
+    "stiffness-1e8-fine" => Answer(&[(SameAs(softer_and_slower, 1e6), ROUND_OFF)]);
+    "undamped" => Answer(&[(EnergyKept, 0.05)]);
+    "inverted" => Answer(&[(Balance, SETTLED)]);
+    "compressed" => Answer(&[(FellBack, 0.01), (EndsAs(whole), 2e-3)]);
+    "pieces" reshaped by two_pieces => Answer(&[(Balance, SETTLED), (Moved(in_second_piece), 0.0)]);
+    "cut" => Answer(&[(Balance, SETTLED), (Moved(behind_the_wall), 0.0)]);
+    // 1000 N/m of rigid ground by 1 mm: less than half of the point's weight is on the free node.
+    "one-free-node" => Answer(&[(Balance, SETTLED)]), variant Answer(&[(Ends(1.0), 0.01)]);
+    "sag" => Answer(&[(Balance, SETTLED), (Force, 0.0)]);
+    "rest-60s" => Answer(&[(Moved(any), 0.0), (Force, 0.0)]);
+    "rest-24h" => Answer(&[(Remains, 1e-12)]);
+}
+
+fn any(_: u32) -> bool {
+    true
+}
+
+/// Squeezes a block along y to a hundredth.
+fn needles(scene: &mut Scene) -> Mesh {
+    let mut mesh = scene.block.mesh();
+    mesh.nodes.iter_mut().for_each(|x| x.y *= 1e-2);
+    mesh
+}
+
+/// Sets a second block of 3 × 3 × 3 nodes beside the scene's.
+fn two_pieces(scene: &mut Scene) -> Mesh {
+    let second = Block { nodes: [3; 3], spacing: scene.block.spacing, stencil: Stencil::Shear };
+    let aside = Vec3::x() * (scene.block.spacing * scene.block.nodes[0] as f64);
+    let (mut mesh, other) = (scene.block.mesh(), second.mesh());
+    let first = mesh.nodes.len() as u32;
+    mesh.nodes.extend(other.nodes.iter().map(|x| x + aside));
+    mesh.edges.extend(other.edges.iter().map(|edge| edge.map(|node| node + first)));
+    mesh.triangles.extend(other.triangles.iter().map(|nodes| nodes.map(|node| node + first)));
+    scene.fixed.extend((0..other.nodes.len()).map(|node| second.is_bottom(node)));
+    let mass = scene.material.node_mass[0];
+    scene.material.node_mass.resize(mesh.nodes.len(), mass);
+    mesh
+}
+
+/// Beyond the 9 × 9 × 4 nodes of the first.
+fn in_second_piece(node: u32) -> bool {
+    node >= 324
+}
+
+/// Of 9 nodes along x, those beyond the middle.
+fn behind_the_wall(node: u32) -> bool {
+    node % 9 > 4
+}
+
+/// A tip a nanometre aside of where nodes and edges are.
+fn beside(scene: &mut Scene) {
+    scene.path = scene.path.transformed(1.0, |x| x + Vec3::new(1e-9, 0.7e-9, 0.0));
+}
+
+/// A tip that goes down where this one ends, and nowhere else.
+fn pressed_at_the_end(scene: &mut Scene) {
+    let end = scene.path.at(f64::INFINITY);
+    scene.path = scene.path.transformed(1.0, |x| Vec3::new(end.x, end.y, x.z));
+}
+
+fn pressed_at_the_end_whole(scene: &mut Scene) {
+    pressed_at_the_end(scene);
+    whole(scene);
+}
+
+/// The whole network at the local rate.
+fn whole(scene: &mut Scene) {
+    (scene.local, scene.is_full) = (LocalSettings::FULL, true);
+}
+
+fn sliding(scene: &mut Scene) {
+    scene.contact.law = Law::Sliding;
+}
+
+fn sticking(scene: &mut Scene) {
+    scene.contact.law = Law::Sticking;
+}
+
+/// With a millionth of the stiffness, and time a thousand times slower, forces are a millionth.
+fn softer_and_slower(scene: &mut Scene) {
+    scene.material.stiffness /= 1e6;
+    scene.material.damping /= 1e3;
+    scene.tick *= 1e3;
+    scene.path = scene.path.transformed(1e3, |x| x);
+}
