@@ -135,9 +135,14 @@ fn draw_precision(svg: &mut String, figure: &Precision) -> Drawn {
         let circles = circles.map(|mark| Circle::new(place(mark), if mark.on_front { 6 } else { 4 }, style(mark)));
         chart.draw_series(circles)?.label(*name).legend(move |(x, y)| Circle::new((x + 10, y), 5, colour.filled()));
         let triangles = of_group().filter(|mark| mark.triangle && !mark.diverged);
-        chart.draw_series(
-            triangles.map(|mark| TriangleMarker::new(place(mark), if mark.on_front { 8 } else { 5 }, style(mark))),
-        )?;
+        chart.draw_series(triangles.map(|mark| {
+            let (half, style) = (if mark.on_front { 7 } else { 5 }, style(mark));
+            let corners = vec![(-half, half - 1), (half, half - 1), (0, -half), (-half, half - 1)];
+            // A polygon is always filled, a path never.
+            let outline = PathElement::new(corners.clone(), colour.stroke_width(1));
+            let inside = Polygon::new(if mark.hollow { Vec::new() } else { corners }, style);
+            EmptyElement::at(place(mark)) + outline + inside
+        }))?;
         let diverged = of_group().filter(|mark| mark.diverged);
         chart.draw_series(diverged.map(|mark| Cross::new(place(mark), 5, colour.stroke_width(2))))?;
     }
@@ -160,7 +165,7 @@ fn draw_precision(svg: &mut String, figure: &Precision) -> Drawn {
     write(beside(at((figure.budget, bottom)), 4, -4), "budget", HPos::Left, VPos::Bottom)?;
     for mark in figure.marks {
         if let Some(label) = &mark.label {
-            write(beside(at(place(mark)), 0, -9), label, HPos::Center, VPos::Bottom)?;
+            write(beside(at(place(mark)), -10, 0), label, HPos::Right, VPos::Center)?;
         }
     }
     root.present()?;

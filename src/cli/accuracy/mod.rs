@@ -132,6 +132,8 @@ struct ReferenceEntry {
     #[serde(flatten)]
     cost: Cost,
     work: WorkCounts,
+    /// For the figure of forces.
+    #[cfg_attr(not(feature = "plots"), expect(dead_code))]
     #[serde(skip)]
     samples: Vec<Sample>,
 }
