@@ -93,7 +93,10 @@ fn rest_is_a_fixed_point_of_tick_and_cycle() {
                 assert_eq!(bits(&local.state().v), bits(&start.v));
                 trajectory.record(local.state());
             }
-            let message = global.advance(&CycleMessage { trajectory, contact: local.contact(), tip });
+            global
+                .catch_up(&CycleMessage { trajectory, contact: local.contact(), tip })
+                .expect("an explicit step has a solution");
+            let message = global.build_model(tip).expect("an explicit model");
             assert!(whole(global.state()) == network, "a cycle changed a bit of the network");
             local.hand_over(message.model, message.state, 0, tip);
         }
