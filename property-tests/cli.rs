@@ -544,7 +544,7 @@ fn stability_writes_a_page_that_stands_alone_and_its_numbers() {
     let json: serde_json::Value = serde_json::from_str(&json).expect("JSON");
     assert_eq!(json["passes"], true);
     let maps = json["maps"].as_array().expect("maps");
-    assert!(maps.len() >= 56 && maps.iter().all(|boundary| boundary["ratio"].is_number()));
+    assert!(maps.len() >= 84 && maps.iter().all(|boundary| boundary["ratio"].is_number()));
     let extremes = json["extremes"].as_array().expect("extremes");
     assert_eq!(extremes.len(), 2 * fs::read_dir("fixtures/extremes").expect("scenes").count());
     assert!(extremes.iter().all(|extreme| extreme["as_expected"] == true));

@@ -27,8 +27,8 @@ use crate::scene::Scene;
 /// Steps that are tried, s.
 const SHORTEST: f64 = 1e-9;
 const LONGEST: f64 = 10.0;
-/// Halvings of the logarithm of that range: the boundary is known to 3e-3.
-const HALVINGS: usize = 12;
+/// Halvings of the logarithm of that range: the boundary is known to 4e-4.
+const HALVINGS: usize = 15;
 /// Ticks of a measurement.
 const TICKS: usize = 1000;
 /// A perturbation grows if its kinetic energy does by this factor from the first half to the second.
@@ -93,9 +93,9 @@ impl Axis {
     /// Where it is measured.
     pub fn values(self) -> &'static [f64] {
         match self {
-            Axis::Stiffness => &[1e1, 1e2, 1e4, 1e6, 1e8],
-            Axis::MassRatio => &[1.0, 1e2, 1e4, 1e6],
-            Axis::DampingRatio => &[0.0, 0.1, 1.0, 3.0, 10.0],
+            Axis::Stiffness => &[1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8],
+            Axis::MassRatio => &[1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6],
+            Axis::DampingRatio => &[0.0, 0.1, 0.3, 1.0, 3.0, 10.0],
         }
     }
 }
