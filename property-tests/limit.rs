@@ -351,3 +351,35 @@ fn a_crushed_block_ends_in_an_answer_or_a_fault() {
         }
     }
 }
+
+/// A point that is held while the tip goes 5 cm pulls the mesh into spikes: control vertices far from the
+/// surface that they make. Where the contact tears off, the tip stays outside until it touches again.
+#[test]
+fn a_tip_does_not_get_into_a_crumpled_surface_unfelt() {
+    let scene = scene(
+        r#"
+        name = "crumpled"
+        duration = 1.6
+        [mesh]
+        nodes = [9, 9, 4]
+        spacing = 0.0125
+        [material]
+        node_mass = 0.01
+        stiffness = 100.0
+        damping = 0.5
+        drag = 0.2
+        [local]
+        linearization = "none"
+        exterior = "condensed"
+        [contact]
+        law = "sticking"
+        scheme = "velocity"
+        surface = "subdivision"
+        [instrument]
+        waypoints = [[0.0, -0.03, 0.0013, 0.001], [0.2, -0.03, 0.0013, -0.006], [1.2, 0.02, 0.0013, -0.006]]
+        "#,
+    );
+    let run = crate::check::run(&scene);
+    assert!(run.fault.is_none() && run.releases > 1, "it tears off: {} releases", run.releases);
+    assert_eq!(run.tunnelling_ticks, 0);
+}

@@ -14,6 +14,8 @@ const STEP_TOLERANCE: f64 = 1e-12;
 /// this many has met a surface that folds onto itself; it answers with the best point it has.
 const LARGEST_SEARCH: usize = 200;
 
+/// Searches from another start, at most: each begins nearer than the one before ended.
+const RESTARTS: usize = 3;
 /// Halvings of a step that does not lead nearer, at most.
 const HALVINGS: usize = 30;
 
@@ -107,10 +109,33 @@ impl Shape<'_> {
         if search.over_border { Projection::OverBorder } else { Projection::Found(search.point) }
     }
 
-    /// The nearest point of the limit surface, searched for from that of the control mesh.
+    /// The nearest point of the limit surface.
     pub(super) fn nearest_on_limit(&self, limit: &LimitSurface, q: Vec3) -> Option<ContactPoint> {
-        let start = self.nearest_on_triangles(q)?;
-        Some(self.descend(limit, start, q).point)
+        Some(self.search(limit, q)?.point)
+    }
+
+    /// Downhill from the nearest point of the control mesh; and again, if the middle of another triangle's
+    /// surface is nearer than what that led to. Where the mesh is crumpled the two differ: control vertices
+    /// stick out of the surface that they make.
+    fn search(&self, limit: &LimitSurface, q: Vec3) -> Option<Search> {
+        let mut best = self.descend(limit, self.nearest_on_triangles(q)?, q);
+        for _ in 0..RESTARTS {
+            let distance = (q - best.surface.position).norm();
+            let reach = self.reach();
+            let mut nearer: (f64, Option<ContactPoint>) = (distance, None);
+            let look = |nearer: &mut (f64, Option<ContactPoint>), triangle: u32| {
+                let middle = ContactPoint { triangle, weights: [1.0 / 3.0; 3] };
+                let away = (q - self.limit_point(limit, &middle).position).norm();
+                if away < nearer.0 {
+                    *nearer = (away, Some(middle));
+                }
+            };
+            // The surface over a triangle lies in the convex hull of its support.
+            self.model.boxes.search(&mut nearer, |nearer, aabb| aabb.distance(q) - reach < nearer.0, look);
+            let Some(start) = nearer.1 else { break };
+            best = self.descend(limit, start, q);
+        }
+        Some(best)
     }
 
     /// The longest edge of the control triangle nearest to q, m.
@@ -122,8 +147,7 @@ impl Shape<'_> {
     /// Distance of q from the limit surface, m, negative on the inner side of its nearest point; NaN if
     /// the surface is not finite.
     pub(super) fn signed_distance_to_limit(&self, limit: &LimitSurface, q: Vec3) -> f64 {
-        let Some(start) = self.nearest_on_triangles(q) else { return f64::NAN };
-        signed(q, &self.descend(limit, start, q).surface)
+        self.search(limit, q).map_or(f64::NAN, |search| signed(q, &search.surface))
     }
 
     /// Minimises |q − p(β, γ)| over the surface. A step that leaves its triangle ends on the edge, and
