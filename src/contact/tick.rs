@@ -263,7 +263,7 @@ impl LocalSimulation {
 
     /// ½ Δvᵀ M Δv of the last tick, J, under the velocity scheme. The geometric one has no such term: it
     /// changes velocities in several places and keeps no energy book. Nor have steps whose impulse acts over the
-    /// whole tick: they lose the work of Λ over what [`follow`](Self::follow) closes.
+    /// whole tick: they lose the work of Λ over what `follow` closes.
     pub fn impact_loss(&self) -> f64 {
         match self.rules.scheme {
             Scheme::Geometric { .. } => 0.0,
