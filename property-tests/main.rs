@@ -15,4 +15,5 @@ mod operators;
 mod rest;
 mod stability;
 mod subdivision;
+mod timeline;
 mod velocity;

@@ -61,6 +61,10 @@ pub mod dynamics;
 
 pub mod device;
 
+pub mod servo;
+
+pub mod timeline;
+
 pub mod pipeline;
 
 pub mod output;

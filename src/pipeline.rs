@@ -1,6 +1,7 @@
 //! The path of the data, on one page: scene → network → linearise → local model → collide →
 //! constrain → integrate → instrument force → global cycle.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use thiserror::Error;
@@ -9,8 +10,8 @@ use crate::Vec3;
 use crate::contact::collision::START_TOLERANCE;
 use crate::contact::surface::ContactGeometry;
 use crate::contact::tick::{LocalSimulation, TickReport};
-use crate::device::failsafe::{FailSafe, Fault};
-use crate::device::instrument::TipPath;
+use crate::device::failsafe::{Bounds, Cause, FailSafe, Fault};
+use crate::device::instrument::Instrument;
 use crate::dynamics::energy::EnergyBook;
 use crate::dynamics::global::{
     CycleMessage, CycleSettings, GlobalSimulation, Keep, ModelMessage, SyncMode, Trajectory,
@@ -23,6 +24,8 @@ use crate::model::patch::Extent;
 use crate::model::surface::Surface;
 use crate::model::work::WorkCounts;
 use crate::scene::{Problem, Scene, SceneError};
+use crate::servo::Servo;
+use crate::timeline::{Arrival, Fate, Timeline};
 
 /// Why a run did not complete.
 #[derive(Debug, Error)]
@@ -48,8 +51,12 @@ pub struct TickView<'a> {
     pub tip: Vec3,
     /// The force commanded to the instrument, before device limits, N.
     pub force: Vec3,
-    /// What the tick did.
+    /// What the tick did; of the last one that was computed if this one was skipped.
     pub report: &'a TickReport,
+    /// Whether it met its deadline.
+    pub fate: Fate,
+    /// Whether the run has deadlines.
+    pub has_deadlines: bool,
     /// The local side, at the end of the tick.
     pub local: &'a LocalSimulation,
     /// Age of the model that did it, ticks.
@@ -60,6 +67,18 @@ pub struct TickView<'a> {
     pub work: WorkCounts,
     /// What became of the exterior in the models so far, if it is condensed.
     pub condensation: Option<CondensationCounts>,
+}
+
+impl TickView<'_> {
+    /// f·n̂ of the commanded force, N; 0 when free.
+    pub fn normal_force(&self) -> f64 {
+        self.report.touch.map_or(0.0, |touch| self.force.dot(&touch.normal))
+    }
+
+    /// |f − (f·n̂) n̂| of the commanded force, N; 0 when free.
+    pub fn tangential_force(&self) -> f64 {
+        self.report.touch.map_or(0.0, |touch| (self.force - touch.normal * self.normal_force()).norm())
+    }
 }
 
 /// Where the schedule is, for whoever keeps time.
@@ -77,19 +96,58 @@ pub enum Moment {
     TickEnds,
 }
 
+/// The global side with its watch: what comes down is a model, or the cause why there is none.
+#[derive(Debug, Clone)]
+pub struct GlobalSide {
+    simulation: GlobalSimulation,
+    network: Arc<Network>,
+    bounds: Bounds,
+}
+
+impl GlobalSide {
+    /// The global simulation itself.
+    pub fn simulation(&self) -> &GlobalSimulation {
+        &self.simulation
+    }
+
+    /// Brings the network over the cycles that have passed, and builds the next local model. `mark` is told of
+    /// what begins and ends.
+    ///
+    /// # Errors
+    /// With what went wrong.
+    pub fn next_model(
+        &mut self,
+        passed: impl IntoIterator<Item = CycleMessage>,
+        mark: &mut impl FnMut(Moment),
+    ) -> Result<ModelMessage, Cause> {
+        let mut tip = Vec3::zeros();
+        mark(Moment::CycleBegins);
+        let caught_up = passed.into_iter().try_for_each(|message| {
+            tip = message.tip;
+            self.simulation.catch_up(&message)
+        });
+        mark(Moment::ModelBegins);
+        let model = caught_up.and_then(|()| self.simulation.build_model(tip));
+        mark(Moment::ModelEnds);
+        // A network that has run away has no model either: that it ran away is the cause.
+        match self.bounds.network_cause(&self.network.rest, self.simulation.state()) {
+            Some(cause) => Err(cause),
+            None => model.map_err(Cause::NoModel),
+        }
+    }
+}
+
 /// A scene put together, ready to run.
 #[derive(Debug, Clone)]
 pub struct Simulation {
     network: Arc<Network>,
     surface: Arc<Surface>,
-    global: GlobalSimulation,
-    local: LocalSimulation,
-    path: TipPath,
-    failsafe: FailSafe,
+    global: GlobalSide,
+    servo: Servo,
+    timeline: Timeline,
     tick: f64,
     tick_count: u64,
     ticks_per_cycle: u64,
-    latency_ticks: u64,
     keep: Keep,
     /// The whole network runs at the local rate: there are no cycles and no model to age.
     is_full: bool,
@@ -127,7 +185,8 @@ impl Simulation {
         };
         let mut global = GlobalSimulation::new(cycle, network.clone(), surface.clone(), builder);
 
-        let tip = scene.path.at(0.0);
+        let instrument = Instrument::Path(scene.path.clone());
+        let tip = instrument.start();
         let ModelMessage { model, state } =
             global.build_model(tip).map_err(|error| scene.mesh_error(Problem::Model(error)))?;
         let local = LocalSimulation::new(scene.contact, scene.tick, model, state);
@@ -136,20 +195,24 @@ impl Simulation {
             return Err(scene.tip_inside(-distance));
         }
         let replays = scene.global.sync == SyncMode::Replay && scene.local.extent != Extent::All;
+        let bounds = Bounds::new(&network.rest);
         Ok(Self {
-            failsafe: FailSafe::new(&network.rest),
+            servo: Servo::new(local, instrument, FailSafe::new(bounds), scene.tick),
+            timeline: scene.timeline(),
+            global: GlobalSide { simulation: global, network: network.clone(), bounds },
             network,
             surface,
-            global,
-            local,
-            path: scene.path.clone(),
             tick: scene.tick,
             tick_count: scene.tick_count,
             ticks_per_cycle: u64::from(scene.ticks_per_cycle),
-            latency_ticks: u64::from(scene.global.latency_ticks),
             keep: if replays { Keep::Path } else { Keep::End },
             is_full: scene.is_full,
         })
+    }
+
+    /// The same with other times than the scene's.
+    pub fn with_timeline(self, timeline: Timeline) -> Self {
+        Self { timeline, ..self }
     }
 
     /// The full model.
@@ -164,18 +227,18 @@ impl Simulation {
 
     /// The local side.
     pub fn local(&self) -> &LocalSimulation {
-        &self.local
+        self.servo.local()
     }
 
     /// The global side.
     pub fn global(&self) -> &GlobalSimulation {
-        &self.global
+        self.global.simulation()
     }
 
     /// The two sides, for a loop of one's own. (A clone of the local side has to allocate its scratch
     /// again in its first ticks; this one has it.)
     pub fn into_sides(self) -> (GlobalSimulation, LocalSimulation) {
-        (self.global, self.local)
+        (self.global.simulation, self.servo.into_local())
     }
 
     /// Runs in lockstep: the two sides take turns in virtual time. `observe` is called after every
@@ -194,62 +257,64 @@ impl Simulation {
     pub fn run_timed(mut self, mut mark: impl FnMut(Moment), mut observe: impl FnMut(&TickView)) -> Result<(), Fault> {
         let mut trajectory = Trajectory::new(self.keep);
         self.begin_segment(&mut trajectory, 0);
-        let mut pending: Option<(u64, ModelMessage)> = None;
+        // Up: the cycles that the global side has not yet taken in. Down: models, and when they are due.
+        let mut passed: Vec<CycleMessage> = Vec::new();
+        let mut pending: VecDeque<(Arrival, ModelMessage)> = VecDeque::new();
         let mut energy = EnergyBook::new(if self.is_full { self.network.fixed_potential() } else { 0.0 });
-        energy.take_stock(&self.local);
-        let mut tip_before = self.path.at(0.0);
+        energy.take_stock(self.servo.local());
+        let has_deadlines = !matches!(self.timeline, Timeline::Ideal { .. });
         for tick in 0..self.tick_count {
             let tick_in_cycle = tick % self.ticks_per_cycle;
-            if tick_in_cycle == 0 && tick > 0 && !self.is_full {
-                // Up: the cycle just past. Down: the model of the next, due after its latency.
-                let contact = self.local.contact();
+            let is_boundary = tick_in_cycle == 0 && tick > 0 && !self.is_full;
+            if is_boundary {
                 let past = std::mem::replace(&mut trajectory, Trajectory::new(self.keep));
-                let message = CycleMessage { trajectory: past, contact, tip: tip_before };
-                mark(Moment::CycleBegins);
-                let caught_up = self.global.catch_up(&message);
-                mark(Moment::ModelBegins);
-                let model = caught_up.and_then(|()| self.global.build_model(tip_before));
-                mark(Moment::ModelEnds);
-                self.failsafe.check_network(tick, tip_before, self.global.state())?;
-                // A network that has run away has no model either: that it ran away is the cause.
-                let model = model.map_err(|error| self.failsafe.no_model(tick, tip_before, error))?;
-                pending = Some((tick + self.latency_ticks, model));
+                passed.push(CycleMessage {
+                    trajectory: past,
+                    contact: self.servo.local().contact(),
+                    tip: self.servo.tip(),
+                });
+                if let Some(at) = self.timeline.model_due(tick) {
+                    let model = self.global.next_model(passed.drain(..), &mut mark);
+                    let model = model.map_err(|cause| self.servo.latch(cause))?;
+                    pending.push_back((Arrival { from: tick, at }, model));
+                }
             }
-            if let Some((_, model)) = pending.take_if(|(due, _)| *due == tick) {
-                self.local.hand_over(model.model, model.state, self.latency_ticks, tip_before);
-                energy.take_stock(&self.local);
+            let is_due = pending.front().is_some_and(|(arrival, _)| arrival.at <= tick);
+            if let Some((arrival, model)) = if is_due { pending.pop_front() } else { None } {
+                self.servo.hand_over(model, arrival.from);
+                energy.take_stock(self.servo.local());
                 self.begin_segment(&mut trajectory, tick_in_cycle);
-            } else if tick_in_cycle == 0 && tick > 0 && !self.is_full {
+            } else if is_boundary {
                 self.begin_segment(&mut trajectory, 0);
             }
 
-            let model_age = if self.is_full { 0 } else { self.local.model_age() };
-            let time = (tick + 1) as f64 * self.tick;
-            let tip = self.path.at(time);
+            let fate = self.timeline.fate(tick);
             mark(Moment::TickBegins);
-            let report = self.local.tick(tip_before, tip);
+            let done = self.servo.tick(fate)?;
             mark(Moment::TickEnds);
-            let force = self.failsafe.command(tick, tip, &self.local, &report)?;
 
+            let local = self.servo.local();
             if !self.is_full {
-                trajectory.record(self.local.state());
+                trajectory.record(local.state());
             }
-            energy.book(&self.local, &report, tip_before, tip, self.tick);
-            let local = &self.local;
+            if fate != Fate::Skipped {
+                energy.book(local, &done.report, done.tip_before, done.tip, self.tick);
+            }
             observe(&TickView {
                 tick,
-                time,
-                tip_before,
-                tip,
-                force,
-                report: &report,
+                time: done.time,
+                tip_before: done.tip_before,
+                tip: done.tip,
+                force: done.force,
+                report: &done.report,
+                fate,
+                has_deadlines,
                 local,
-                model_age,
+                model_age: if self.is_full { 0 } else { done.model_age },
                 energy: &energy,
-                work: local.state().work + self.global.work(),
-                condensation: self.global.condensation(),
+                work: local.state().work + self.global.simulation.work(),
+                condensation: self.global.simulation.condensation(),
             });
-            tip_before = tip;
         }
         Ok(())
     }
@@ -257,7 +322,8 @@ impl Simulation {
     /// The path from here on of the model now in use, to the end of the cycle at most.
     fn begin_segment(&self, trajectory: &mut Trajectory, tick_in_cycle: u64) {
         let ticks = (self.ticks_per_cycle - tick_in_cycle).min(self.tick_count);
-        trajectory.begin(self.local.model(), self.local.state(), tick_in_cycle as usize, ticks as usize);
+        let local = self.servo.local();
+        trajectory.begin(local.model(), local.state(), tick_in_cycle as usize, ticks as usize);
     }
 }
 

@@ -133,6 +133,11 @@ pub struct TickReport {
 }
 
 impl TickReport {
+    /// Before the first tick.
+    pub fn none() -> Self {
+        Self::free(false)
+    }
+
     fn free(released: bool) -> Self {
         Self {
             mode: Mode::Free,

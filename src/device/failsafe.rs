@@ -6,6 +6,7 @@ use thiserror::Error;
 use crate::Vec3;
 use crate::contact::law::Mode;
 use crate::contact::tick::{LocalSimulation, TickReport};
+use crate::device::instrument::DeviceError;
 use crate::model::local::ModelError;
 use crate::model::network::State;
 
@@ -27,6 +28,9 @@ pub enum Cause {
     /// The model of the next cycle cannot be built.
     #[error(transparent)]
     NoModel(ModelError),
+    /// The instrument has left the range in which it can be simulated.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
     /// A node is too far from its rest place.
     #[error("node {node} ran away: {distance_m:.3} m from its rest place, more than {limit_m:.3} m")]
     Runaway {
@@ -60,20 +64,60 @@ pub struct Fault {
     pub model_age: u64,
 }
 
-/// Checks every tick; once it has found a fault it commands zero for good.
-#[derive(Debug, Clone)]
-pub struct FailSafe {
-    rest: Vec<Vec3>,
+/// How far nodes may go from their rest places.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds {
     runaway_m: f64,
-    latched: Option<Fault>,
 }
 
-impl FailSafe {
+impl Bounds {
     /// For a mesh at rest at these positions.
     pub fn new(rest: &[Vec3]) -> Self {
         let lower = rest.iter().copied().reduce(|a, b| a.inf(&b)).unwrap_or_default();
         let upper = rest.iter().copied().reduce(|a, b| a.sup(&b)).unwrap_or_default();
-        Self { rest: rest.to_vec(), runaway_m: RUNAWAY_DIAGONALS * (upper - lower).norm(), latched: None }
+        Self { runaway_m: RUNAWAY_DIAGONALS * (upper - lower).norm() }
+    }
+
+    /// What is wrong with a network at a boundary: the exterior moves only there, so every node is looked at.
+    pub fn network_cause(self, rest: &[Vec3], state: &State) -> Option<Cause> {
+        let mut nodes = (0..).zip(rest).zip(state.x.iter().zip(&state.v));
+        nodes.find_map(|((node, rest), (x, v))| self.node_cause(node, rest, x, v))
+    }
+
+    /// What is wrong with a tick.
+    fn tick_cause(self, local: &LocalSimulation, report: &TickReport) -> Option<Cause> {
+        if !report.force.norm().is_finite() {
+            return Some(Cause::ForceNotFinite);
+        }
+        let patch = &local.model().patch;
+        let state = local.state();
+        let mut nodes = patch.nodes.iter().zip(&patch.rest).zip(state.x.iter().zip(&state.v));
+        nodes.find_map(|((&node, rest), (x, v))| self.node_cause(node, rest, x, v))
+    }
+
+    fn node_cause(self, node: u32, rest: &Vec3, x: &Vec3, v: &Vec3) -> Option<Cause> {
+        let distance_m = (x - rest).norm();
+        if !(distance_m.is_finite() && v.iter().all(|v| v.is_finite())) {
+            Some(Cause::StateNotFinite { node })
+        } else if distance_m > self.runaway_m {
+            Some(Cause::Runaway { node, distance_m, limit_m: self.runaway_m })
+        } else {
+            None
+        }
+    }
+}
+
+/// Checks every tick; once it has found a fault it commands zero for good.
+#[derive(Debug, Clone, Copy)]
+pub struct FailSafe {
+    bounds: Bounds,
+    latched: Option<Fault>,
+}
+
+impl FailSafe {
+    /// Nothing is wrong yet.
+    pub fn new(bounds: Bounds) -> Self {
+        Self { bounds, latched: None }
     }
 
     /// The force to command after a tick.
@@ -88,7 +132,7 @@ impl FailSafe {
         report: &TickReport,
     ) -> Result<Vec3, Fault> {
         if self.latched.is_none()
-            && let Some(cause) = self.cause(local, report)
+            && let Some(cause) = self.bounds.tick_cause(local, report)
         {
             let force = report.force;
             let model_age = local.model_age().saturating_sub(1);
@@ -100,46 +144,9 @@ impl FailSafe {
         }
     }
 
-    fn cause(&self, local: &LocalSimulation, report: &TickReport) -> Option<Cause> {
-        if !report.force.norm().is_finite() {
-            return Some(Cause::ForceNotFinite);
-        }
-        let patch = &local.model().patch;
-        let state = local.state();
-        let mut nodes = patch.nodes.iter().zip(&patch.rest).zip(state.x.iter().zip(&state.v));
-        nodes.find_map(|((&node, rest), (x, v))| self.node_cause(node, rest, x, v))
-    }
-
-    /// The exterior moves only at boundaries: checks every node of the network there.
-    ///
-    /// # Errors
-    /// With the fault.
-    pub fn check_network(&mut self, tick: u64, tip: Vec3, state: &State) -> Result<(), Fault> {
-        let mut nodes = (0..).zip(&self.rest).zip(state.x.iter().zip(&state.v));
-        if let Some(cause) = nodes.find_map(|((node, rest), (x, v))| self.node_cause(node, rest, x, v)) {
-            return Err(self.at_boundary(tick, tip, cause));
-        }
-        Ok(())
-    }
-
-    /// The fault of a boundary at which no model could be built.
-    pub fn no_model(&mut self, tick: u64, tip: Vec3, error: ModelError) -> Fault {
-        self.at_boundary(tick, tip, Cause::NoModel(error))
-    }
-
-    fn at_boundary(&mut self, tick: u64, tip: Vec3, cause: Cause) -> Fault {
+    /// A fault that shows outside of ticks: at a boundary.
+    pub fn latch(&mut self, tick: u64, tip: Vec3, cause: Cause) -> Fault {
         let fault = Fault { tick, cause, mode: Mode::Free.name(), force: Vec3::zeros(), tip, model_age: 0 };
         *self.latched.get_or_insert(fault)
-    }
-
-    fn node_cause(&self, node: u32, rest: &Vec3, x: &Vec3, v: &Vec3) -> Option<Cause> {
-        let distance_m = (x - rest).norm();
-        if !(distance_m.is_finite() && v.iter().all(|v| v.is_finite())) {
-            Some(Cause::StateNotFinite { node })
-        } else if distance_m > self.runaway_m {
-            Some(Cause::Runaway { node, distance_m, limit_m: self.runaway_m })
-        } else {
-            None
-        }
     }
 }

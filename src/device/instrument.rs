@@ -25,6 +25,43 @@ pub struct TipPath {
     waypoints: Vec<Waypoint>,
 }
 
+/// What holds the tip.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Instrument {
+    /// A tip that goes its way whatever the force.
+    Path(TipPath),
+}
+
+/// Why an instrument cannot be simulated any further.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum DeviceError {}
+
+impl Instrument {
+    /// Where the tip is at t = 0, m.
+    pub fn start(&self) -> Vec3 {
+        match self {
+            Instrument::Path(path) => path.at(0.0),
+        }
+    }
+
+    /// Moves on to a time, s, under the force commanded last: where the tip is then, m.
+    ///
+    /// # Errors
+    /// If it leaves the range in which it can be simulated.
+    pub fn sense(&mut self, time: f64) -> Result<Vec3, DeviceError> {
+        match self {
+            Instrument::Path(path) => Ok(path.at(time)),
+        }
+    }
+
+    /// Takes the force of a contact, N: the force that is commanded, before device limits.
+    pub fn command(&mut self, force: Vec3) -> Vec3 {
+        match self {
+            Instrument::Path(_) => force,
+        }
+    }
+}
+
 /// What is wrong with waypoints.
 #[derive(Debug, Error)]
 pub enum PathError {

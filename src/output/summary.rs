@@ -10,6 +10,7 @@ use crate::model::condensation::CondensationCounts;
 use crate::model::work::WorkCounts;
 use crate::pipeline::TickView;
 use crate::scene::Scene;
+use crate::timeline::{Fate, OverrunPolicy};
 
 /// Frequencies above this count as ripple, Hz.
 const RIPPLE_HZ: f64 = 100.0;
@@ -54,6 +55,67 @@ pub struct Recorder {
     energy: EnergySummary,
     work: WorkCounts,
     condensation: Option<CondensationCounts>,
+    timing: Option<Lateness>,
+}
+
+/// Counts what was late.
+#[derive(Debug, Clone, Copy, Default)]
+struct Lateness {
+    late_ticks: u64,
+    skipped_ticks: u64,
+    missed_run: u64,
+    longest_missed_run: u64,
+    models_used: u64,
+    largest_model_age: u64,
+    /// Σ |commanded − contact force|², N².
+    withheld: f64,
+}
+
+impl Lateness {
+    fn take(&mut self, view: &TickView) {
+        let missed = match view.fate {
+            Fate::OnTime => false,
+            Fate::Late(_) => {
+                self.late_ticks += 1;
+                true
+            }
+            Fate::Skipped => {
+                self.skipped_ticks += 1;
+                true
+            }
+        };
+        self.missed_run = if missed { self.missed_run + 1 } else { 0 };
+        self.longest_missed_run = self.longest_missed_run.max(self.missed_run);
+        self.models_used += u64::from(view.model_age == 0 && view.tick > 0);
+        self.largest_model_age = self.largest_model_age.max(view.model_age);
+        if missed {
+            self.withheld += (view.force - view.report.force).norm_squared();
+        }
+    }
+}
+
+/// What was late, and what that did. Of a run with deadlines.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct TimingSummary {
+    /// From a tick's release, s.
+    pub deadline_s: f64,
+    /// What a missed one does.
+    pub overrun: OverrunPolicy,
+    /// Ticks whose force came after it.
+    pub late_ticks: u64,
+    /// Ticks left out.
+    pub skipped_ticks: u64,
+    /// Late or left out, one after the other.
+    pub longest_missed_run: u64,
+    /// Models that came into use after the first.
+    pub models_used: u64,
+    /// Boundaries whose model was never used: left out, or still under way at the end.
+    pub models_not_used: u64,
+    /// Ticks.
+    pub largest_model_age: u64,
+    /// Root mean square over all ticks of what was commanded less what the contact asked for, N. What a different past
+    /// does to the contact is not in it.
+    pub withheld_force_rms_n: f64,
 }
 
 /// Ticks in each mode.
@@ -144,6 +206,9 @@ pub struct Summary {
     /// What became of a condensed exterior; absent where there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub condensation: Option<CondensationCounts>,
+    /// What was late; absent without deadlines.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub timing: Option<TimingSummary>,
     /// Of the run with its outputs.
     pub wall_time_s: f64,
 }
@@ -165,6 +230,9 @@ impl Recorder {
                 self.tunnelling_ticks += 1;
             }
         }
+        if view.has_deadlines {
+            self.timing.get_or_insert_default().take(view);
+        }
         self.work = view.work;
         self.condensation = view.condensation;
         let energy = view.energy;
@@ -182,8 +250,8 @@ impl Recorder {
         self.samples.push(Sample {
             time: view.time,
             force: view.force,
-            normal_force: report.normal_force,
-            tangential_force: report.tangential_force(),
+            normal_force: view.normal_force(),
+            tangential_force: view.tangential_force(),
             mode: report.mode,
         });
     }
@@ -242,6 +310,21 @@ impl Recorder {
             energy: self.energy,
             work: self.work,
             condensation: self.condensation,
+            timing: self.timing.map(|late| {
+                let ticks = samples.len() as u64;
+                let boundaries = ticks.saturating_sub(1) / u64::from(scene.ticks_per_cycle);
+                TimingSummary {
+                    deadline_s: scene.deadline.after,
+                    overrun: scene.deadline.overrun,
+                    late_ticks: late.late_ticks,
+                    skipped_ticks: late.skipped_ticks,
+                    longest_missed_run: late.longest_missed_run,
+                    models_used: late.models_used,
+                    models_not_used: boundaries.saturating_sub(late.models_used),
+                    largest_model_age: late.largest_model_age,
+                    withheld_force_rms_n: (late.withheld / ticks as f64).sqrt(),
+                }
+            }),
             wall_time_s,
         }
     }

@@ -36,6 +36,7 @@ pub struct TraceRow {
     damping_loss: f64,
     friction_loss: f64,
     impact_loss: f64,
+    timing: Option<&'static str>,
 }
 
 impl TraceRow {
@@ -53,8 +54,8 @@ impl TraceRow {
             fx: view.force.x,
             fy: view.force.y,
             fz: view.force.z,
-            normal_force: report.normal_force,
-            ft: report.tangential_force(),
+            normal_force: view.normal_force(),
+            ft: view.tangential_force(),
             mode: report.mode.name(),
             triangle: report.touch.map(|touch| {
                 let ContactPoint { triangle, .. } = touch.point;
@@ -74,6 +75,7 @@ impl TraceRow {
             damping_loss: view.energy.damping_loss,
             friction_loss: view.energy.friction_loss,
             impact_loss: view.energy.impact_loss,
+            timing: view.has_deadlines.then(|| view.fate.name()),
         }
     }
 }

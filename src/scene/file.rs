@@ -4,6 +4,8 @@
 use serde::Deserialize;
 use toml::Spanned;
 
+use crate::timeline::OverrunPolicy;
+
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneFile {
@@ -21,6 +23,8 @@ pub struct SceneFile {
     pub sync: SyncTable,
     #[serde(default)]
     pub run: RunTable,
+    #[serde(default)]
+    pub timing: TimingTable,
 }
 
 #[derive(Debug, Deserialize)]
@@ -287,4 +291,42 @@ pub struct RunTable {
 pub enum ScheduleName {
     #[default]
     Lockstep,
+    Threads,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TimingTable {
+    pub tick_cost: Option<Spanned<CostValue>>,
+    pub model_cost: Option<Spanned<CostValue>>,
+    pub deadline: Option<Spanned<f64>>,
+    pub overrun: Option<Spanned<OverrunPolicy>>,
+    pub seed: Option<Spanned<u64>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected a number, a list of numbers, { median = …, p99 = … } or { usual = …, rare = …, share = … }"
+)]
+pub enum CostValue {
+    Constant(f64),
+    Table(Vec<f64>),
+    LogNormal(LogNormalCost),
+    Rare(RareCost),
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LogNormalCost {
+    pub median: f64,
+    pub p99: f64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RareCost {
+    pub usual: f64,
+    pub rare: f64,
+    pub share: f64,
 }

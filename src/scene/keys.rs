@@ -78,7 +78,16 @@ pub const KEYS: &[(&str, &str)] = &[
     ("sync.mode", "\"replay\" (default) or \"overwrite\""),
     ("sync.latency_ticks", "a whole number from 0 (default) to less than the ticks of one global cycle"),
     ("run", "a table of `schedule`"),
-    ("run.schedule", "\"lockstep\" (default)"),
+    ("run.schedule", "\"lockstep\" (virtual time; default) or \"threads\" (real time)"),
+    ("timing", "a table of `tick_cost`, `model_cost`, `deadline`, `overrun`, `seed`"),
+    (
+        "timing.tick_cost",
+        "what a tick takes in virtual time, s: a finite number of at least 0; a list of them; { median, p99 } (log-normal); or { usual, rare, share } (default 0)",
+    ),
+    ("timing.model_cost", "the same for a cycle of the global side, from its boundary to its model (default 0)"),
+    ("timing.deadline", "a finite number above 0, at most a tick, in s (default a tick)"),
+    ("timing.overrun", "\"hold\" (default), \"zero\" or \"skip\": what a tick without its force by the deadline does"),
+    ("timing.seed", "a whole number (default 0)"),
 ];
 
 /// What a key accepts.

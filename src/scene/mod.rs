@@ -26,6 +26,7 @@ use crate::model::local::LocalSettings;
 use crate::model::mesh::Block;
 use crate::model::network::Material;
 use crate::model::step::LocalIntegrator;
+use crate::timeline::{Costs, Deadline, DrawnTimes, Timeline};
 
 /// A checked scene: every value is finite and in range, and every key has an effect.
 ///
@@ -68,7 +69,22 @@ pub struct Scene {
     pub contact: ContactRules,
     /// The instrument.
     pub path: TipPath,
+    /// Whether it runs in virtual or in real time.
+    pub schedule: Schedule,
+    /// Of every tick.
+    pub deadline: Deadline,
+    /// What computing takes in virtual time; nothing if absent.
+    pub costs: Option<Costs>,
     source: Source,
+}
+
+/// Who waits for whom.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Schedule {
+    /// The two sides take turns in virtual time.
+    Lockstep,
+    /// Real time, a thread each; the servo thread never waits.
+    Threads,
 }
 
 /// The global side of a scene.
@@ -122,6 +138,18 @@ impl Scene {
     pub fn shipped(name: &str) -> Option<Self> {
         let shipped = SHIPPED.iter().find(|shipped| shipped.name == name)?;
         Self::parse(shipped.text, Path::new(name)).ok()
+    }
+
+    /// When its models arrive and which of its ticks are late, in virtual time.
+    pub fn timeline(&self) -> Timeline {
+        let latency = u64::from(self.global.latency_ticks);
+        match &self.costs {
+            None => Timeline::Ideal { latency },
+            Some(costs) => {
+                let cycle_ticks = u64::from(self.ticks_per_cycle);
+                Timeline::Drawn(Box::new(DrawnTimes::new(costs.clone(), self.deadline, self.tick, cycle_ticks, latency)))
+            }
+        }
     }
 
     /// Its TOML.

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::Scene;
+use super::{Scene, Schedule};
 use crate::Vec3;
 use crate::contact::law::Law;
 use crate::contact::operators::Metric;
@@ -132,6 +132,16 @@ impl Scene {
                 "hand-over latency",
                 self.global.latency_ticks > 0,
                 format!("sync.latency_ticks = {}", self.global.latency_ticks),
+            ),
+            part(
+                "costs and deadlines in virtual time",
+                self.costs.is_some(),
+                "there is no `timing.tick_cost` and no `timing.model_cost`".to_owned(),
+            ),
+            part(
+                "threads and the real clock",
+                self.schedule == Schedule::Threads,
+                "run.schedule = \"lockstep\"".to_owned(),
             ),
             part("haptic device", false, "the instrument follows a path".to_owned()),
         ]

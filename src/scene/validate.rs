@@ -9,7 +9,7 @@ use toml::Spanned;
 use super::error::{Problem, SceneError};
 use super::file::*;
 use super::keys::accepted;
-use super::{GlobalSettings, Scene, Source};
+use super::{GlobalSettings, Scene, Schedule, Source};
 use crate::Vec3;
 use crate::contact::law::Law;
 use crate::contact::operators::Metric;
@@ -25,6 +25,7 @@ use crate::model::network::Material;
 use crate::model::patch::Extent;
 use crate::model::springs::TangentKind;
 use crate::model::step::LocalIntegrator;
+use crate::timeline::{Cost, Costs, Deadline, OverrunPolicy};
 
 /// How far from a whole number a ratio of two decimal inputs may be and still mean one: a few
 /// roundings of numbers up to 1e9 ticks.
@@ -56,6 +57,9 @@ fn factor_bytes(reach: Reach, nodes: u128) -> u128 {
     };
     (BYTES_PER_FACTOR_POINT * (points as f64).powf(4.0 / 3.0)) as u128
 }
+
+/// Why what is declared for virtual time has no effect.
+const IN_REAL_TIME: &str = "`run.schedule = \"threads\"`, where computing takes the time it takes";
 
 type Placed<T> = Result<T, SceneError>;
 
@@ -107,8 +111,6 @@ impl Checker {
     fn scene(&self, file: SceneFile, folder: &Path) -> Placed<Scene> {
         let name = self.name(&file.name)?;
         let duration = self.number("duration", &file.duration, Sign::Positive)?;
-        let ScheduleName::Lockstep = file.run.schedule;
-
         let local_rate = self.number_or("local.rate", &file.local.rate, 1000.0, Sign::Positive)?;
         let global_rate = self.number_or("global.rate", &file.global.rate, 10.0, Sign::Positive)?;
         let whole = |ratio: f64| {
@@ -156,6 +158,15 @@ impl Checker {
             },
             latency_ticks,
         };
+        let schedule = match file.run.schedule {
+            ScheduleName::Lockstep => Schedule::Lockstep,
+            ScheduleName::Threads => Schedule::Threads,
+        };
+        if schedule == Schedule::Threads {
+            let span = file.sync.latency_ticks.as_ref().map(Spanned::span);
+            self.no_effect("sync.latency_ticks", span, IN_REAL_TIME)?;
+        }
+        let (deadline, costs) = self.timing(&file.timing, schedule, 1.0 / local_rate)?;
         let is_full = matches!(file.local.model, LocalModelName::Full);
         let source = Source { text: self.source.clone(), instrument: file.instrument.span(), mesh: file.mesh.span() };
         Ok(Scene {
@@ -177,6 +188,9 @@ impl Checker {
             },
             contact: self.contact(&file.contact)?,
             path: self.instrument(&file.instrument, folder)?,
+            schedule,
+            deadline,
+            costs,
             block,
             source,
         })
@@ -541,6 +555,85 @@ impl Checker {
                 let file = file.as_ref().ok_or_else(|| self.error(Problem::Missing(key), table.span()))?;
                 TipPath::from_csv(&folder.join(file.get_ref()))
                     .map_err(|error| self.error(Problem::Path { key, error }, file.span()))
+            }
+        }
+    }
+
+    fn timing(
+        &self,
+        timing: &TimingTable,
+        schedule: Schedule,
+        tick: f64,
+    ) -> Placed<(Deadline, Option<Costs>)> {
+        let TimingTable { tick_cost, model_cost, deadline, overrun, seed } = timing;
+        let is_seeded = |cost: &Option<Spanned<CostValue>>| {
+            matches!(cost.as_ref().map(Spanned::get_ref), Some(CostValue::LogNormal(_) | CostValue::Rare(_)))
+        };
+        let (tick_span, model_span) = (tick_cost.as_ref().map(Spanned::span), model_cost.as_ref().map(Spanned::span));
+        match schedule {
+            Schedule::Threads => {
+                self.no_effect("timing.tick_cost", tick_span, IN_REAL_TIME)?;
+                self.no_effect("timing.model_cost", model_span, IN_REAL_TIME)?;
+                self.no_effect("timing.seed", seed.as_ref().map(Spanned::span), IN_REAL_TIME)?;
+            }
+            Schedule::Lockstep => {
+                if tick_cost.is_none() {
+                    let because = "ticks that take no time: give `timing.tick_cost`";
+                    self.no_effect("timing.deadline", deadline.as_ref().map(Spanned::span), because)?;
+                    self.no_effect("timing.overrun", overrun.as_ref().map(Spanned::span), because)?;
+                }
+                if !is_seeded(tick_cost) && !is_seeded(model_cost) {
+                    let because = "costs of which none is drawn from a distribution";
+                    self.no_effect("timing.seed", seed.as_ref().map(Spanned::span), because)?;
+                }
+            }
+        }
+        let after = match deadline {
+            None => tick,
+            Some(deadline) => {
+                let after = self.number("timing.deadline", deadline, Sign::Positive)?;
+                if !(after <= tick) {
+                    let value = format!("{after} s: a tick is over after {tick} s");
+                    return Err(self.error(Problem::NotAccepted { key: "timing.deadline", value }, deadline.span()));
+                }
+                after
+            }
+        };
+        let overrun = overrun.as_ref().map_or(OverrunPolicy::Hold, |overrun| *overrun.get_ref());
+        let costs = if tick_cost.is_some() || model_cost.is_some() {
+            Some(Costs {
+                tick: self.cost("timing.tick_cost", tick_cost)?,
+                model: self.cost("timing.model_cost", model_cost)?,
+                seed: seed.as_ref().map_or(0, |seed| *seed.get_ref()),
+            })
+        } else {
+            None
+        };
+        Ok((Deadline { after, overrun }, costs))
+    }
+
+    /// Nothing if the key is absent.
+    fn cost(&self, key: &'static str, cost: &Option<Spanned<CostValue>>) -> Placed<Cost> {
+        let Some(cost) = cost else { return Ok(Cost::Constant(0.0)) };
+        let check = |value: f64| self.check(key, value, cost.span(), Sign::NonNegative);
+        let refuse = |value: String| Err(self.error(Problem::NotAccepted { key, value }, cost.span()));
+        match cost.get_ref() {
+            CostValue::Constant(value) => Ok(Cost::Constant(check(*value)?)),
+            CostValue::Table(values) if values.is_empty() => refuse("an empty list".to_owned()),
+            CostValue::Table(values) => {
+                values.iter().map(|&value| check(value)).collect::<Placed<Vec<_>>>().map(Cost::Table)
+            }
+            &CostValue::LogNormal(LogNormalCost { median, p99 }) => {
+                if !(median > 0.0 && p99 >= median && p99.is_finite()) {
+                    return refuse(format!("{{ median = {median}, p99 = {p99} }}"));
+                }
+                Ok(Cost::LogNormal { median, p99 })
+            }
+            &CostValue::Rare(RareCost { usual, rare, share }) => {
+                if !(0.0..=1.0).contains(&share) {
+                    return refuse(format!("drawn with share = {share}"));
+                }
+                Ok(Cost::Rare { usual: check(usual)?, rare: check(rare)?, share })
             }
         }
     }

@@ -84,6 +84,8 @@ pub enum FaultKind {
     Runaway,
     /// [`Cause::NoModel`].
     NoModel,
+    /// [`Cause::Device`].
+    Device,
 }
 
 impl FaultKind {
@@ -93,6 +95,7 @@ impl FaultKind {
             Cause::StateNotFinite { .. } => Self::StateNotFinite,
             Cause::Runaway { .. } => Self::Runaway,
             Cause::NoModel(_) => Self::NoModel,
+            Cause::Device(_) => Self::Device,
         }
     }
 }
@@ -213,6 +216,7 @@ impl fmt::Display for Expected {
             Expected::Fault(FaultKind::StateNotFinite) => f.write_str("fault: state not finite"),
             Expected::Fault(FaultKind::Runaway) => f.write_str("fault: runaway"),
             Expected::Fault(FaultKind::NoModel) => f.write_str("fault: no model"),
+            Expected::Fault(FaultKind::Device) => f.write_str("fault: device out of range"),
             Expected::Refused(words) => write!(f, "error: {words}"),
         }
     }
