@@ -49,7 +49,7 @@
 //! | λ | 3 | N | contact force on the instrument under sticking |
 //! | F_N, F_T, μ | – | N, N, – | normal and tangential magnitude of λ; friction coefficient |
 #![warn(missing_docs)]
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 pub mod scene;
 
@@ -66,6 +66,11 @@ pub mod servo;
 pub mod timeline;
 
 pub mod pipeline;
+
+pub mod session;
+
+#[cfg(all(feature = "realtime", target_os = "linux"))]
+pub mod realtime;
 
 pub mod output;
 

@@ -235,6 +235,16 @@ impl Simulation {
         self.global.simulation()
     }
 
+    /// The two sides with instrument and watch, for another schedule.
+    pub fn into_loops(self) -> (Servo, GlobalSide) {
+        (self.servo, self.global)
+    }
+
+    /// How much of the patch's path the global side needs; `None` if there are no cycles.
+    pub fn keeps(&self) -> Option<Keep> {
+        (!self.is_full).then_some(self.keep)
+    }
+
     /// The two sides, for a loop of one's own. (A clone of the local side has to allocate its scratch
     /// again in its first ticks; this one has it.)
     pub fn into_sides(self) -> (GlobalSimulation, LocalSimulation) {
@@ -254,76 +264,121 @@ impl Simulation {
     ///
     /// # Errors
     /// With the fault that ended the run.
-    pub fn run_timed(mut self, mut mark: impl FnMut(Moment), mut observe: impl FnMut(&TickView)) -> Result<(), Fault> {
-        let mut trajectory = Trajectory::new(self.keep);
-        self.begin_segment(&mut trajectory, 0);
-        // Up: the cycles that the global side has not yet taken in. Down: models, and when they are due.
-        let mut passed: Vec<CycleMessage> = Vec::new();
-        let mut pending: VecDeque<(Arrival, ModelMessage)> = VecDeque::new();
-        let mut energy = EnergyBook::new(if self.is_full { self.network.fixed_potential() } else { 0.0 });
-        energy.take_stock(self.servo.local());
-        let has_deadlines = !matches!(self.timeline, Timeline::Ideal { .. });
-        for tick in 0..self.tick_count {
-            let tick_in_cycle = tick % self.ticks_per_cycle;
-            let is_boundary = tick_in_cycle == 0 && tick > 0 && !self.is_full;
-            if is_boundary {
-                let past = std::mem::replace(&mut trajectory, Trajectory::new(self.keep));
-                passed.push(CycleMessage {
-                    trajectory: past,
-                    contact: self.servo.local().contact(),
-                    tip: self.servo.tip(),
-                });
-                if let Some(at) = self.timeline.model_due(tick) {
-                    let model = self.global.next_model(passed.drain(..), &mut mark);
-                    let model = model.map_err(|cause| self.servo.latch(cause))?;
-                    pending.push_back((Arrival { from: tick, at }, model));
-                }
-            }
-            let is_due = pending.front().is_some_and(|(arrival, _)| arrival.at <= tick);
-            if let Some((arrival, model)) = if is_due { pending.pop_front() } else { None } {
-                self.servo.hand_over(model, arrival.from);
-                energy.take_stock(self.servo.local());
-                self.begin_segment(&mut trajectory, tick_in_cycle);
-            } else if is_boundary {
-                self.begin_segment(&mut trajectory, 0);
-            }
-
-            let fate = self.timeline.fate(tick);
-            mark(Moment::TickBegins);
-            let done = self.servo.tick(fate)?;
-            mark(Moment::TickEnds);
-
-            let local = self.servo.local();
-            if !self.is_full {
-                trajectory.record(local.state());
-            }
-            if fate != Fate::Skipped {
-                energy.book(local, &done.report, done.tip_before, done.tip, self.tick);
-            }
-            observe(&TickView {
-                tick,
-                time: done.time,
-                tip_before: done.tip_before,
-                tip: done.tip,
-                force: done.force,
-                report: &done.report,
-                fate,
-                has_deadlines,
-                local,
-                model_age: if self.is_full { 0 } else { done.model_age },
-                energy: &energy,
-                work: local.state().work + self.global.simulation.work(),
-                condensation: self.global.simulation.condensation(),
-            });
+    pub fn run_timed(self, mut mark: impl FnMut(Moment), mut observe: impl FnMut(&TickView)) -> Result<(), Fault> {
+        let mut run = Lockstep::new(self);
+        while run.begin_tick(&mut mark)? {
+            run.finish_tick(&mut mark, &mut observe)?;
         }
+        Ok(())
+    }
+}
+
+/// A run in lockstep, tick by tick.
+#[derive(Debug, Clone)]
+pub struct Lockstep {
+    simulation: Simulation,
+    trajectory: Trajectory,
+    /// Up: the cycles that the global side has not yet taken in.
+    passed: Vec<CycleMessage>,
+    /// Down: models that are not yet due, or why there is none.
+    pending: VecDeque<(Arrival, Result<ModelMessage, Cause>)>,
+    energy: EnergyBook,
+}
+
+impl Lockstep {
+    /// Before the first tick.
+    pub fn new(simulation: Simulation) -> Self {
+        let ground = if simulation.is_full { simulation.network.fixed_potential() } else { 0.0 };
+        let mut energy = EnergyBook::new(ground);
+        energy.take_stock(simulation.servo.local());
+        let trajectory = Trajectory::new(simulation.keep);
+        let mut run = Self { simulation, trajectory, passed: Vec::new(), pending: VecDeque::new(), energy };
+        run.begin_segment();
+        run
+    }
+
+    /// The servo's side: after [`begin_tick`](Self::begin_tick), ready for the tick.
+    pub fn servo(&self) -> &Servo {
+        &self.simulation.servo
+    }
+
+    /// All that comes before a tick: the boundary of a cycle, a model that is due. Whether there is a tick.
+    ///
+    /// # Errors
+    /// With a fault of the global side.
+    pub fn begin_tick(&mut self, mark: &mut impl FnMut(Moment)) -> Result<bool, Fault> {
+        let Simulation { global, servo, timeline, ticks_per_cycle, tick_count, keep, is_full, .. } =
+            &mut self.simulation;
+        let tick = servo.next_tick();
+        if tick >= *tick_count {
+            return Ok(false);
+        }
+        let is_boundary = tick % *ticks_per_cycle == 0 && tick > 0 && !*is_full;
+        if is_boundary {
+            let past = std::mem::replace(&mut self.trajectory, Trajectory::new(*keep));
+            self.passed.push(CycleMessage { trajectory: past, contact: servo.local().contact(), tip: servo.tip() });
+            if let Some(at) = timeline.model_due(tick) {
+                self.pending.push_back((Arrival { from: tick, at }, global.next_model(self.passed.drain(..), mark)));
+            }
+        }
+        let is_due = self.pending.front().is_some_and(|(arrival, _)| arrival.at <= tick);
+        if let Some((arrival, model)) = if is_due { self.pending.pop_front() } else { None } {
+            let model = model.map_err(|cause| servo.latch(cause))?;
+            servo.hand_over(model, arrival.from);
+            self.energy.take_stock(servo.local());
+            self.begin_segment();
+        } else if is_boundary {
+            self.begin_segment();
+        }
+        Ok(true)
+    }
+
+    /// The tick itself; `observe` sees what it did.
+    ///
+    /// # Errors
+    /// With the fault that the fail-safe found.
+    pub fn finish_tick(
+        &mut self,
+        mark: &mut impl FnMut(Moment),
+        observe: &mut impl FnMut(&TickView),
+    ) -> Result<(), Fault> {
+        let Simulation { global, servo, timeline, tick: step, is_full, .. } = &mut self.simulation;
+        let fate = timeline.fate(servo.next_tick());
+        mark(Moment::TickBegins);
+        let done = servo.tick(fate)?;
+        mark(Moment::TickEnds);
+        let local = servo.local();
+        if !*is_full {
+            self.trajectory.record(local.state());
+        }
+        if fate != Fate::Skipped {
+            self.energy.book(local, &done.report, done.tip_before, done.tip, *step);
+        }
+        observe(&TickView {
+            tick: done.tick,
+            time: done.time,
+            tip_before: done.tip_before,
+            tip: done.tip,
+            force: done.force,
+            report: &done.report,
+            fate,
+            has_deadlines: !matches!(timeline, Timeline::Ideal { .. }),
+            local,
+            model_age: if *is_full { 0 } else { done.model_age },
+            energy: &self.energy,
+            work: local.state().work + global.simulation.work(),
+            condensation: global.simulation.condensation(),
+        });
         Ok(())
     }
 
     /// The path from here on of the model now in use, to the end of the cycle at most.
-    fn begin_segment(&self, trajectory: &mut Trajectory, tick_in_cycle: u64) {
-        let ticks = (self.ticks_per_cycle - tick_in_cycle).min(self.tick_count);
-        let local = self.servo.local();
-        trajectory.begin(local.model(), local.state(), tick_in_cycle as usize, ticks as usize);
+    fn begin_segment(&mut self) {
+        let Simulation { servo, ticks_per_cycle, tick_count, .. } = &self.simulation;
+        let tick_in_cycle = servo.next_tick() % ticks_per_cycle;
+        let ticks = (ticks_per_cycle - tick_in_cycle).min(*tick_count);
+        let local = servo.local();
+        self.trajectory.begin(local.model(), local.state(), tick_in_cycle as usize, ticks as usize);
     }
 }
 

@@ -96,30 +96,39 @@ impl Trajectory {
     /// A model comes into use at the start of tick `tick` of the cycle, for at most `ticks` ticks.
     pub fn begin(&mut self, model: &LocalModel, state: &LocalState, tick: usize, ticks: usize) {
         let m = model.patch.len();
+        self.begin_at(&model.patch.nodes, &state.x[..m], &state.v[..m], tick, ticks);
+    }
+
+    /// The same for patch nodes whose positions and velocities are given.
+    pub fn begin_at(&mut self, nodes: &[u32], x: &[Vec3], v: &[Vec3], tick: usize, ticks: usize) {
         let samples = match self.keep {
             Keep::Path => ticks + 1,
             Keep::End => 1,
         };
         let start = |values: &[Vec3]| {
-            let mut all = Vec::with_capacity(samples * m);
-            all.extend_from_slice(&values[..m]);
+            let mut all = Vec::with_capacity(samples * nodes.len());
+            all.extend_from_slice(values);
             all
         };
-        let segment =
-            Segment { nodes: model.patch.nodes.clone(), first_tick: tick, x: start(&state.x), v: start(&state.v) };
-        self.segments.push(segment);
+        self.segments.push(Segment { nodes: nodes.to_vec(), first_tick: tick, x: start(x), v: start(v) });
     }
 
     /// The state at the end of a tick. Allocates nothing.
     pub fn record(&mut self, state: &LocalState) {
+        let m = self.segments.last().map_or(0, |segment| segment.nodes.len());
+        self.record_at(&state.x[..m], &state.v[..m]);
+    }
+
+    /// The same where positions and velocities of the patch nodes are given. Allocates nothing within the ticks that
+    /// were announced.
+    pub fn record_at(&mut self, x: &[Vec3], v: &[Vec3]) {
         if let Some(segment) = self.segments.last_mut() {
-            let m = segment.nodes.len();
             if self.keep == Keep::End {
                 segment.x.clear();
                 segment.v.clear();
             }
-            segment.x.extend_from_slice(&state.x[..m]);
-            segment.v.extend_from_slice(&state.v[..m]);
+            segment.x.extend_from_slice(x);
+            segment.v.extend_from_slice(v);
         }
     }
 

@@ -140,6 +140,20 @@ impl Scene {
         Self::parse(shipped.text, Path::new(name)).ok()
     }
 
+    /// Where it was read from; of a shipped one, its name.
+    pub fn path_name(&self) -> &Path {
+        Path::new(self.source.text.name())
+    }
+
+    /// The same with another rate of the local loop, Hz. A deadline of a whole tick stays one.
+    ///
+    /// # Errors
+    /// If the duration is no whole number of its ticks, the global rate does not divide it, or the scene's deadline is
+    /// longer than its tick.
+    pub fn at_rate(self, rate_hz: f64) -> Result<Self, SceneError> {
+        validate::at_rate(self, rate_hz)
+    }
+
     /// When its models arrive and which of its ticks are late, in virtual time.
     pub fn timeline(&self) -> Timeline {
         let latency = u64::from(self.global.latency_ticks);
@@ -147,7 +161,13 @@ impl Scene {
             None => Timeline::Ideal { latency },
             Some(costs) => {
                 let cycle_ticks = u64::from(self.ticks_per_cycle);
-                Timeline::Drawn(Box::new(DrawnTimes::new(costs.clone(), self.deadline, self.tick, cycle_ticks, latency)))
+                Timeline::Drawn(Box::new(DrawnTimes::new(
+                    costs.clone(),
+                    self.deadline,
+                    self.tick,
+                    cycle_ticks,
+                    latency,
+                )))
             }
         }
     }

@@ -69,6 +69,36 @@ pub(super) fn scene(text: &str, path: &Path) -> Placed<Scene> {
     checker.scene(file, path.parent().unwrap_or(Path::new("")))
 }
 
+/// A ratio of two decimal inputs, if it is a whole number.
+fn whole(ratio: f64) -> Option<f64> {
+    ((ratio - ratio.round()).abs() <= WHOLE_NUMBER_TOLERANCE * ratio && ratio >= 0.5).then_some(ratio.round())
+}
+
+pub(super) fn at_rate(mut scene: Scene, rate: f64) -> Placed<Scene> {
+    let refuse =
+        |value: String| SceneError::unplaced(Problem::NotAccepted { key: "local.rate", value }, "give another rate");
+    if !(rate > 0.0 && rate.is_finite()) {
+        return Err(refuse(rate.to_string()));
+    }
+    let not_global = || refuse(format!("{rate} Hz, which is no whole multiple of the global {} Hz", scene.global.rate));
+    let ticks_per_cycle =
+        whole(rate / scene.global.rate).filter(|&ratio| ratio <= f64::from(u32::MAX)).ok_or_else(not_global)?;
+    let ticks = scene.duration * rate;
+    let tick_count =
+        whole(ticks).ok_or_else(|| refuse(format!("{rate} Hz: {} s would be {ticks} ticks", scene.duration)))?;
+    let tick = 1.0 / rate;
+    let Deadline { after, .. } = scene.deadline;
+    if after == scene.tick {
+        scene.deadline.after = tick;
+    } else if !(after <= tick) {
+        return Err(refuse(format!("{rate} Hz with a deadline of {after} s: a tick is over after {tick} s")));
+    }
+    scene.ticks_per_cycle = ticks_per_cycle as u32;
+    scene.tick_count = tick_count as u64;
+    scene.tick = tick;
+    Ok(scene)
+}
+
 struct Checker {
     source: NamedSource<String>,
 }
@@ -113,9 +143,6 @@ impl Checker {
         let duration = self.number("duration", &file.duration, Sign::Positive)?;
         let local_rate = self.number_or("local.rate", &file.local.rate, 1000.0, Sign::Positive)?;
         let global_rate = self.number_or("global.rate", &file.global.rate, 10.0, Sign::Positive)?;
-        let whole = |ratio: f64| {
-            ((ratio - ratio.round()).abs() <= WHOLE_NUMBER_TOLERANCE * ratio && ratio >= 0.5).then_some(ratio.round())
-        };
         let ticks_per_cycle =
             whole(local_rate / global_rate).filter(|&ratio| ratio <= f64::from(u32::MAX)).ok_or_else(|| {
                 let (key, span) = match (&file.local.rate, &file.global.rate) {
@@ -559,12 +586,7 @@ impl Checker {
         }
     }
 
-    fn timing(
-        &self,
-        timing: &TimingTable,
-        schedule: Schedule,
-        tick: f64,
-    ) -> Placed<(Deadline, Option<Costs>)> {
+    fn timing(&self, timing: &TimingTable, schedule: Schedule, tick: f64) -> Placed<(Deadline, Option<Costs>)> {
         let TimingTable { tick_cost, model_cost, deadline, overrun, seed } = timing;
         let is_seeded = |cost: &Option<Spanned<CostValue>>| {
             matches!(cost.as_ref().map(Spanned::get_ref), Some(CostValue::LogNormal(_) | CostValue::Rare(_)))

@@ -1,0 +1,51 @@
+//! Counts what a thread allocates, in a release build: a program that wants to be certified makes
+//! [`Counting`] its allocator.
+#![allow(unsafe_code)]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+thread_local! {
+    // Constant and without a destructor: to read and write it allocates nothing itself.
+    static CALLS: Cell<u64> = const { Cell::new(0) };
+}
+
+static COUNTS: AtomicBool = AtomicBool::new(false);
+
+/// The system's allocator, with a count of its calls by thread.
+#[derive(Debug, Default)]
+pub struct Counting;
+
+fn count() {
+    CALLS.with(|calls| calls.set(calls.get() + 1));
+    COUNTS.store(true, Ordering::Relaxed);
+}
+
+// SAFETY: every call goes on to the system's allocator as it came.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count();
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count();
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        count();
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+/// Calls of the allocator by this thread so far, freeing included; `None` if nobody counts.
+pub fn on_this_thread() -> Option<u64> {
+    COUNTS.load(Ordering::Relaxed).then(|| CALLS.with(Cell::get))
+}

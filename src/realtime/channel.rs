@@ -1,0 +1,251 @@
+//! What passes between the servo thread and the global one: models down, the patch's path up. Neither side
+//! ever waits for the other: a model lies in one of three buffers, the path goes through a ring.
+
+use std::collections::VecDeque;
+
+use rtrb::{Consumer, Producer, RingBuffer};
+use triple_buffer::{Input, Output, TripleBuffer};
+
+use crate::Vec3;
+use crate::contact::tick::Contact;
+use crate::device::failsafe::Cause;
+use crate::dynamics::global::{CycleMessage, Keep, ModelMessage, Trajectory};
+use crate::servo::Servo;
+
+/// Cycles of the patch's path that fit into the ring.
+const CYCLES_IN_RING: usize = 4;
+/// A later patch may have this many times the nodes of the first.
+const PATCH_GROWTH: usize = 4;
+
+/// What comes down: a model, or why there is none.
+#[derive(Debug, Default)]
+struct Slot {
+    /// Of the pass that it was built in.
+    pass: u32,
+    /// The boundary it was built from.
+    from: u64,
+    content: Option<Result<ModelMessage, Cause>>,
+}
+
+/// A note in the ring, followed by m positions and m velocities.
+#[derive(Debug, Clone, Copy)]
+struct Note {
+    pass: u32,
+    /// The tick that begins, or that has been done.
+    tick: u64,
+    kind: Kind,
+    /// The boundary that the model in use was built from: it says which nodes they are.
+    from: u64,
+    m: u32,
+    contact: Option<Contact>,
+    tip: Vec3,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    /// A segment of the path begins: a cycle, or a model.
+    Begin,
+    /// A tick has been done.
+    Tick,
+}
+
+/// The servo thread's end.
+pub struct ServoEnd {
+    notes: Producer<Note>,
+    values: Producer<Vec3>,
+    models: Output<Slot>,
+    pass: u32,
+    /// Of the model in use.
+    from: u64,
+    is_open: bool,
+    /// Notes that found the ring full.
+    lost: u64,
+}
+
+/// The global thread's end.
+pub struct GlobalEnd {
+    notes: Consumer<Note>,
+    values: Consumer<Vec3>,
+    models: Input<Slot>,
+    cycle_ticks: u64,
+    keep: Keep,
+    pass: u32,
+    /// The nodes of every model that may still be in use, by the boundary it was built from.
+    nodes: VecDeque<(u64, Vec<u32>)>,
+    trajectory: Trajectory,
+    x: Vec<Vec3>,
+    v: Vec<Vec3>,
+}
+
+/// A pair of ends for cycles of so many ticks and a first model of these nodes. Without anything to keep, nothing goes up.
+pub fn channel(cycle_ticks: u64, keep: Option<Keep>, first_nodes: &[u32]) -> (ServoEnd, GlobalEnd) {
+    // Every tick may also begin a segment.
+    let records = 2 * CYCLES_IN_RING * cycle_ticks as usize;
+    let (notes_up, notes) = RingBuffer::new(records);
+    let (values_up, values) =
+        RingBuffer::new(CYCLES_IN_RING * cycle_ticks as usize * 2 * PATCH_GROWTH * first_nodes.len());
+    let (models, models_down) = TripleBuffer::default().split();
+    let servo = ServoEnd {
+        notes: notes_up,
+        values: values_up,
+        models: models_down,
+        pass: 0,
+        from: 0,
+        is_open: keep.is_some(),
+        lost: 0,
+    };
+    let keep = keep.unwrap_or(Keep::End);
+    let mut global = GlobalEnd {
+        notes,
+        values,
+        models,
+        cycle_ticks,
+        keep,
+        pass: 0,
+        nodes: VecDeque::new(),
+        trajectory: Trajectory::new(keep),
+        x: Vec::new(),
+        v: Vec::new(),
+    };
+    global.begin_pass(0, first_nodes);
+    (servo, global)
+}
+
+impl ServoEnd {
+    /// A fresh state: what is still under way for the last one is ignored from here on.
+    pub fn begin_pass(&mut self, pass: u32, servo: &Servo) {
+        (self.pass, self.from) = (pass, 0);
+        self.note(Kind::Begin, servo, 0);
+    }
+
+    /// A model that has arrived comes into use, if there is one; the old one goes back to where models are
+    /// built. The boundary it was built from. Allocates nothing, frees nothing.
+    ///
+    /// # Errors
+    /// With what went wrong on the global side.
+    pub fn take_model(&mut self, servo: &mut Servo) -> Result<Option<u64>, Cause> {
+        if !self.models.update() {
+            return Ok(None);
+        }
+        let slot = self.models.output_buffer_mut();
+        if slot.pass != self.pass {
+            return Ok(None);
+        }
+        match slot.content.take() {
+            None => Ok(None),
+            Some(Err(cause)) => Err(cause),
+            Some(Ok(message)) => {
+                slot.content = Some(Ok(servo.hand_over(message, slot.from)));
+                self.from = slot.from;
+                Ok(Some(slot.from))
+            }
+        }
+    }
+
+    /// A segment of the path begins with the tick that comes next.
+    pub fn begin_segment(&mut self, servo: &Servo) {
+        self.note(Kind::Begin, servo, servo.next_tick());
+    }
+
+    /// A tick has been done.
+    pub fn end_tick(&mut self, servo: &Servo) {
+        self.note(Kind::Tick, servo, servo.next_tick() - 1);
+    }
+
+    /// Notes that found the ring full, because the global side was too late by cycles. The path it saw is not
+    /// the one that was.
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    fn note(&mut self, kind: Kind, servo: &Servo, tick: u64) {
+        if !self.is_open {
+            return;
+        }
+        let local = servo.local();
+        let (m, state) = (local.model().patch.len(), local.state());
+        let note = Note {
+            pass: self.pass,
+            tick,
+            kind,
+            from: self.from,
+            m: m as u32,
+            contact: local.contact(),
+            tip: servo.tip(),
+        };
+        // Values first: who reads a note finds them there.
+        if self.values.slots() < 2 * m || self.notes.is_full() {
+            self.lost += 1;
+            return;
+        }
+        let sent = self.values.push_entire_slice(&state.x[..m]).is_ok()
+            && self.values.push_entire_slice(&state.v[..m]).is_ok()
+            && self.notes.push(note).is_ok();
+        self.lost += u64::from(!sent);
+    }
+}
+
+impl GlobalEnd {
+    /// A fresh state with its first model.
+    pub fn begin_pass(&mut self, pass: u32, nodes: &[u32]) {
+        self.pass = pass;
+        self.nodes.clear();
+        self.nodes.push_back((0, nodes.to_vec()));
+        self.trajectory = Trajectory::new(self.keep);
+    }
+
+    /// The pass of the oldest note that waits.
+    pub fn pass_waiting(&self) -> Option<u32> {
+        self.notes.peek().ok().map(|note| note.pass)
+    }
+
+    /// Takes in what has come up of this pass, to the end of a cycle at most: the boundary there, and the cycle
+    /// before it.
+    pub fn next_cycle(&mut self) -> Option<(u64, CycleMessage)> {
+        while self.pass_waiting() == Some(self.pass) {
+            let note = self.notes.pop().ok()?;
+            self.take_values(note.m as usize);
+            let tick_in_cycle = note.tick % self.cycle_ticks;
+            match note.kind {
+                Kind::Begin => {
+                    let nodes = self.nodes.iter().find(|(from, _)| *from == note.from).map(|(_, nodes)| nodes);
+                    let ticks = (self.cycle_ticks - tick_in_cycle) as usize;
+                    let nodes = nodes.map_or(&[][..], Vec::as_slice);
+                    self.trajectory.begin_at(nodes, &self.x, &self.v, tick_in_cycle as usize, ticks);
+                }
+                Kind::Tick => {
+                    self.trajectory.record_at(&self.x, &self.v);
+                    if tick_in_cycle + 1 == self.cycle_ticks {
+                        let trajectory = std::mem::replace(&mut self.trajectory, Trajectory::new(self.keep));
+                        let message = CycleMessage { trajectory, contact: note.contact, tip: note.tip };
+                        return Some((note.tick + 1, message));
+                    }
+                }
+            }
+        }
+        None
+    }
+
+    /// Sends a model down, or why there is none.
+    pub fn send(&mut self, from: u64, content: Result<ModelMessage, Cause>) {
+        if let Ok(message) = &content {
+            self.nodes.push_back((from, message.model.patch.nodes.clone()));
+            // One may be in use, one in each buffer.
+            while self.nodes.len() > 4 {
+                self.nodes.pop_front();
+            }
+        }
+        // What lies in the buffer is an old model that came back: it is freed here, not on the servo thread.
+        *self.models.input_buffer_mut() = Slot { pass: self.pass, from, content: Some(content) };
+        self.models.publish();
+    }
+
+    fn take_values(&mut self, m: usize) {
+        for values in [&mut self.x, &mut self.v] {
+            values.resize(m, Vec3::zeros());
+            // Values are there before their note.
+            let complete = self.values.pop_entire_slice(values).is_ok();
+            debug_assert!(complete, "a note without its values");
+        }
+    }
+}

@@ -1,0 +1,294 @@
+//! What a servo loop's ticks took: everything is recorded in memory that is there before the loop begins.
+
+use hdrhistogram::Histogram;
+use serde::Serialize;
+
+use super::os::Usage;
+
+/// Longest time that a histogram tells from longer ones, ns. Maxima are kept apart.
+const LONGEST_NS: u64 = 10_000_000_000;
+/// Significant digits of a histogram.
+const DIGITS: u8 = 3;
+/// Blocks that a run is divided into, for its course over time and for tests of independence.
+const BLOCKS: u64 = 2000;
+/// Misses that are kept one by one; all are counted.
+const MISSES_KEPT: usize = 4096;
+/// Worst ticks that are kept, by response and by CPU time each.
+const WORST_KEPT: usize = 8;
+
+/// A tick's times.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct TickTimes {
+    /// The run of the path that it belongs to.
+    pub pass: u32,
+    /// Counted from 0 in its pass.
+    pub tick: u64,
+    /// From the scheduled release to the tick's begin, ns.
+    pub release_ns: u64,
+    /// From the scheduled release to the command, ns: this is what a deadline is about.
+    pub response_ns: u64,
+    /// From begin to command, ns.
+    pub compute_ns: u64,
+    /// CPU time of the thread for the same, ns; with what reading that clock takes.
+    pub cpu_ns: u64,
+}
+
+/// A tick that missed its deadline, and what the thread's counters had to say.
+#[derive(Debug, Clone, Copy)]
+pub struct Miss {
+    /// What it took.
+    pub times: TickTimes,
+    /// When it was released, ns after the window began.
+    pub at_ns: u64,
+    /// Whether the tick before missed its deadline too.
+    pub follows: bool,
+    /// Since the miss before, or the begin of the window.
+    pub usage: Usage,
+}
+
+/// A stretch of the run.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Block {
+    /// In it.
+    pub ticks: u64,
+    /// In it.
+    pub misses: u64,
+    /// Longest response, ns.
+    pub response_max_ns: u64,
+    /// Σ responses, ns.
+    pub response_sum_ns: u64,
+    /// Longest response of the empty loop, ns.
+    pub control_max_ns: u64,
+}
+
+/// A distribution of times, with its exact maximum.
+#[derive(Debug, Clone)]
+pub struct Times {
+    histogram: Histogram<u64>,
+    max_ns: u64,
+}
+
+impl Times {
+    fn new() -> Self {
+        // Both bounds are within what the crate accepts; its smallest histogram takes their place otherwise.
+        let histogram = Histogram::new_with_max(LONGEST_NS, DIGITS).or_else(|_| Histogram::new_with_max(2, 1));
+        Self { histogram: histogram.expect("the bounds are constants that it accepts"), max_ns: 0 }
+    }
+
+    fn record(&mut self, ns: u64) {
+        self.histogram.saturating_record(ns);
+        self.max_ns = self.max_ns.max(ns);
+    }
+
+    /// How many there are.
+    pub fn count(&self) -> u64 {
+        self.histogram.len()
+    }
+
+    /// At least this share of them is not longer, ns, to three digits; the maximum exactly.
+    pub fn quantile_ns(&self, share: f64) -> u64 {
+        self.histogram.value_at_quantile(share).min(self.max_ns)
+    }
+
+    /// The longest, ns.
+    pub fn max_ns(&self) -> u64 {
+        self.max_ns
+    }
+
+    /// (time in ns, share that takes longer), for plots.
+    pub fn tail(&self) -> Vec<(f64, f64)> {
+        let total = self.histogram.len() as f64;
+        let mut above = self.histogram.len();
+        let mut tail = Vec::new();
+        for step in self.histogram.iter_recorded() {
+            tail.push((step.value_iterated_to() as f64, above as f64 / total));
+            above -= step.count_at_value();
+        }
+        tail
+    }
+}
+
+/// Everything that is measured.
+#[derive(Debug, Clone)]
+pub struct Meter {
+    /// From a scheduled release to the tick's begin.
+    pub release: Times,
+    /// From a scheduled release to the command.
+    pub response: Times,
+    /// From begin to command.
+    pub compute: Times,
+    /// CPU time of the same.
+    pub cpu: Times,
+    /// Of the loop that does nothing, released half a tick later.
+    pub control_release: Times,
+    /// Until it has done nothing.
+    pub control_response: Times,
+    deadline_ns: u64,
+    /// Ticks that missed their deadline, and ticks that were left out.
+    missed: u64,
+    skipped: u64,
+    control_missed: u64,
+    /// Releases of the empty loop that had passed before the tick was done.
+    control_left_out: u64,
+    run: u64,
+    longest_run: u64,
+    misses: Vec<Miss>,
+    blocks: Vec<Block>,
+    block_ticks: u64,
+    ticks: u64,
+    worst_response: Vec<TickTimes>,
+    worst_cpu: Vec<TickTimes>,
+    last_usage: Usage,
+}
+
+impl Meter {
+    /// For so many ticks with this deadline.
+    pub fn new(ticks: u64, deadline_ns: u64) -> Self {
+        let times = Times::new();
+        let block_ticks = ticks.div_ceil(BLOCKS).max(1);
+        let blocks = ticks.div_ceil(block_ticks) as usize + 1;
+        Self {
+            release: times.clone(),
+            response: times.clone(),
+            compute: times.clone(),
+            cpu: times.clone(),
+            control_release: times.clone(),
+            control_response: times,
+            deadline_ns,
+            missed: 0,
+            skipped: 0,
+            control_missed: 0,
+            control_left_out: 0,
+            run: 0,
+            longest_run: 0,
+            misses: Vec::with_capacity(MISSES_KEPT),
+            blocks: vec![Block::default(); blocks],
+            block_ticks,
+            ticks: 0,
+            worst_response: Vec::with_capacity(WORST_KEPT + 1),
+            worst_cpu: Vec::with_capacity(WORST_KEPT + 1),
+            last_usage: Usage::default(),
+        }
+    }
+
+    /// The window begins.
+    pub fn begin(&mut self, usage: Usage) {
+        self.last_usage = usage;
+    }
+
+    /// A tick was done, released `at_ns` after the window began. Whether it met its deadline.
+    pub fn tick(&mut self, times: TickTimes, at_ns: u64) -> bool {
+        self.release.record(times.release_ns);
+        self.response.record(times.response_ns);
+        self.compute.record(times.compute_ns);
+        self.cpu.record(times.cpu_ns);
+        keep_worst(&mut self.worst_response, times, |times| times.response_ns);
+        keep_worst(&mut self.worst_cpu, times, |times| times.cpu_ns);
+        let on_time = times.response_ns <= self.deadline_ns;
+        let block = &mut self.blocks[(self.ticks / self.block_ticks) as usize];
+        block.ticks += 1;
+        block.misses += u64::from(!on_time);
+        block.response_max_ns = block.response_max_ns.max(times.response_ns);
+        block.response_sum_ns += times.response_ns;
+        self.ticks += 1;
+        if on_time {
+            self.run = 0;
+            return true;
+        }
+        self.missed += 1;
+        let follows = self.run > 0;
+        self.extend_run();
+        // Only a miss pays for reading the counters.
+        let usage = Usage::of_this_thread();
+        if self.misses.len() < self.misses.capacity() {
+            self.misses.push(Miss { times, at_ns, follows, usage: usage.since(self.last_usage) });
+        }
+        self.last_usage = usage;
+        false
+    }
+
+    /// A tick was left out.
+    pub fn skip(&mut self) {
+        self.skipped += 1;
+        self.extend_run();
+    }
+
+    fn extend_run(&mut self) {
+        self.run += 1;
+        self.longest_run = self.longest_run.max(self.run);
+    }
+
+    /// The empty loop was done, or its release had passed.
+    pub fn control(&mut self, times: Option<(u64, u64)>) {
+        let Some((release_ns, response_ns)) = times else {
+            self.control_left_out += 1;
+            return;
+        };
+        self.control_release.record(release_ns);
+        self.control_response.record(response_ns);
+        self.control_missed += u64::from(response_ns > self.deadline_ns);
+        let last = self.ticks.saturating_sub(1) / self.block_ticks;
+        let block = &mut self.blocks[last as usize];
+        block.control_max_ns = block.control_max_ns.max(response_ns);
+    }
+
+    /// Ticks that were done.
+    pub fn ticks(&self) -> u64 {
+        self.ticks
+    }
+
+    /// Ns.
+    pub fn deadline_ns(&self) -> u64 {
+        self.deadline_ns
+    }
+
+    /// Ticks that were done and missed their deadline.
+    pub fn missed(&self) -> u64 {
+        self.missed
+    }
+
+    /// Ticks that were left out.
+    pub fn skipped(&self) -> u64 {
+        self.skipped
+    }
+
+    /// Of the empty loop: deadlines missed, releases left out.
+    pub fn control_missed(&self) -> (u64, u64) {
+        (self.control_missed, self.control_left_out)
+    }
+
+    /// Missed or left out, one after the other.
+    pub fn longest_run(&self) -> u64 {
+        self.longest_run
+    }
+
+    /// The first [`MISSES_KEPT`] of them.
+    pub fn misses(&self) -> &[Miss] {
+        &self.misses
+    }
+
+    /// The run's course.
+    pub fn blocks(&self) -> &[Block] {
+        let used = self.blocks.iter().take_while(|block| block.ticks > 0).count();
+        &self.blocks[..used]
+    }
+
+    /// Longest response first.
+    pub fn worst_by_response(&self) -> &[TickTimes] {
+        &self.worst_response
+    }
+
+    /// Most CPU time first.
+    pub fn worst_by_cpu(&self) -> &[TickTimes] {
+        &self.worst_cpu
+    }
+}
+
+/// Descending; the list never grows beyond its capacity.
+fn keep_worst(worst: &mut Vec<TickTimes>, times: TickTimes, by: impl Fn(&TickTimes) -> u64) {
+    if worst.len() < WORST_KEPT || worst.last().is_some_and(|least| by(least) < by(&times)) {
+        let at = worst.partition_point(|other| by(other) >= by(&times));
+        worst.insert(at, times);
+        worst.truncate(WORST_KEPT);
+    }
+}

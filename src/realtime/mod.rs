@@ -1,0 +1,13 @@
+//! Real time: the servo loop on a thread of its own against the clock, the global cycle on another, and a
+//! measurement of what every tick took. Linux only.
+//!
+//! The servo thread allocates nothing, locks nothing and makes no system call but the clock and the sleep once
+//! its window has begun; a missed deadline alone makes it read its own counters. Models reach it through a triple buffer,
+//! the patch's path leaves through a ring ([`channel`]); neither ever makes it wait.
+
+pub mod allocations;
+pub mod channel;
+pub mod load;
+pub mod meter;
+pub mod os;
+pub mod threads;

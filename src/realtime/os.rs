@@ -1,0 +1,148 @@
+//! What real time needs of Linux: its clocks, an absolute sleep, the scheduler, memory that stays, and the
+//! counters of a thread. The only unsafe code of the library: system calls.
+#![allow(unsafe_code)]
+
+use std::io;
+use std::mem::{MaybeUninit, size_of};
+
+/// Nanoseconds of a clock.
+fn read(clock: libc::clockid_t) -> u64 {
+    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
+    // SAFETY: `time` is a timespec of our own; it stays zero for a clock that does not exist.
+    unsafe { libc::clock_gettime(clock, &mut time) };
+    time.tv_sec as u64 * 1_000_000_000 + time.tv_nsec as u64
+}
+
+/// `CLOCK_MONOTONIC`, ns.
+pub fn now_ns() -> u64 {
+    read(libc::CLOCK_MONOTONIC)
+}
+
+/// CPU time of the calling thread, ns.
+pub fn thread_cpu_ns() -> u64 {
+    read(libc::CLOCK_THREAD_CPUTIME_ID)
+}
+
+/// Sleeps until `CLOCK_MONOTONIC` says so, ns; not at all if it has.
+pub fn sleep_until_ns(until: u64) {
+    let time = libc::timespec {
+        tv_sec: (until / 1_000_000_000) as libc::time_t,
+        tv_nsec: (until % 1_000_000_000) as libc::c_long,
+    };
+    // SAFETY: `time` is valid, and no remainder is asked for.
+    while unsafe { libc::clock_nanosleep(libc::CLOCK_MONOTONIC, libc::TIMER_ABSTIME, &time, std::ptr::null_mut()) }
+        == libc::EINTR
+    {}
+}
+
+fn done(result: libc::c_int) -> io::Result<()> {
+    if result == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
+}
+
+/// Asks for `SCHED_FIFO` for the calling thread.
+///
+/// # Errors
+/// If it has no right to that.
+pub fn request_fifo(priority: i32) -> io::Result<()> {
+    let parameters = libc::sched_param { sched_priority: priority };
+    // SAFETY: 0 is the calling thread; the parameters are ours.
+    done(unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &parameters) })
+}
+
+/// The scheduling policy that the calling thread has, and its priority.
+pub fn policy() -> (&'static str, i32) {
+    let mut parameters = libc::sched_param { sched_priority: 0 };
+    // SAFETY: 0 is the calling thread; the parameters are ours.
+    let policy = unsafe {
+        libc::sched_getparam(0, &mut parameters);
+        libc::sched_getscheduler(0)
+    };
+    let name = match policy {
+        libc::SCHED_FIFO => "SCHED_FIFO",
+        libc::SCHED_RR => "SCHED_RR",
+        libc::SCHED_OTHER => "SCHED_OTHER",
+        libc::SCHED_BATCH => "SCHED_BATCH",
+        libc::SCHED_IDLE => "SCHED_IDLE",
+        _ => "unknown",
+    };
+    (name, parameters.sched_priority)
+}
+
+/// Keeps all memory of the process, now and later, where it is.
+///
+/// # Errors
+/// If it has no right to that.
+pub fn lock_memory() -> io::Result<()> {
+    // SAFETY: no pointers.
+    done(unsafe { libc::mlockall(libc::MCL_CURRENT | libc::MCL_FUTURE) })
+}
+
+/// Lets memory go again.
+pub fn unlock_memory() {
+    // SAFETY: no pointers.
+    unsafe { libc::munlockall() };
+}
+
+/// The CPUs that the calling thread may run on, ascending.
+pub fn affinity() -> Vec<usize> {
+    let mut set = MaybeUninit::<libc::cpu_set_t>::zeroed();
+    // SAFETY: the set is ours, of the size that is said; all zero is a valid set.
+    let set = unsafe {
+        libc::sched_getaffinity(0, size_of::<libc::cpu_set_t>(), set.as_mut_ptr());
+        set.assume_init()
+    };
+    // SAFETY: every index is below the size of the set.
+    (0..libc::CPU_SETSIZE as usize).filter(|&cpu| unsafe { libc::CPU_ISSET(cpu, &set) }).collect()
+}
+
+/// Keeps the calling thread to these CPUs.
+///
+/// # Errors
+/// If none of them is there.
+pub fn pin(cpus: &[usize]) -> io::Result<()> {
+    let mut set = MaybeUninit::<libc::cpu_set_t>::zeroed();
+    // SAFETY: all zero is a valid set; indices beyond it are left out; its size is as said.
+    unsafe {
+        for &cpu in cpus.iter().filter(|&&cpu| cpu < libc::CPU_SETSIZE as usize) {
+            libc::CPU_SET(cpu, &mut *set.as_mut_ptr());
+        }
+        done(libc::sched_setaffinity(0, size_of::<libc::cpu_set_t>(), set.as_ptr()))
+    }
+}
+
+/// Counters of the calling thread since it began.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Usage {
+    /// Page faults that needed no reading, and that did.
+    pub page_faults: u64,
+    /// Times it gave the CPU up, as it does to sleep.
+    pub voluntary_switches: u64,
+    /// Times it was taken off the CPU.
+    pub involuntary_switches: u64,
+}
+
+impl Usage {
+    /// Of the calling thread.
+    pub fn of_this_thread() -> Self {
+        let mut usage = MaybeUninit::<libc::rusage>::zeroed();
+        // SAFETY: the structure is ours, and all zero is a valid one.
+        let usage = unsafe {
+            libc::getrusage(libc::RUSAGE_THREAD, usage.as_mut_ptr());
+            usage.assume_init()
+        };
+        Self {
+            page_faults: usage.ru_minflt as u64 + usage.ru_majflt as u64,
+            voluntary_switches: usage.ru_nvcsw as u64,
+            involuntary_switches: usage.ru_nivcsw as u64,
+        }
+    }
+
+    /// What came since an earlier reading.
+    pub fn since(self, before: Self) -> Self {
+        Self {
+            page_faults: self.page_faults - before.page_faults,
+            voluntary_switches: self.voluntary_switches - before.voluntary_switches,
+            involuntary_switches: self.involuntary_switches - before.involuntary_switches,
+        }
+    }
+}

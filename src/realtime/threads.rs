@@ -1,0 +1,371 @@
+//! `schedule = "threads"`: the loop that keeps to the clock, and the thread that builds its models.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use serde::Serialize;
+
+use super::allocations;
+use super::channel::{GlobalEnd, ServoEnd, channel};
+use super::meter::{Meter, TickTimes};
+use super::os::{self, Usage};
+use crate::device::failsafe::Fault;
+use crate::dynamics::global::Keep;
+use crate::pipeline::{GlobalSide, Simulation};
+use crate::servo::{Servo, ServoTick};
+use crate::session::{Checksum, Taped};
+use crate::timeline::{Arrival, Deadline, Fate, OverrunPolicy, RecordedTimes};
+
+/// Of the servo thread, among those of `SCHED_FIFO`: above ordinary interrupt threads, below the watchdogs.
+const PRIORITY: i32 = 80;
+/// From the start of the servo thread to its first release, s.
+const LEAD_S: f64 = 0.02;
+/// Stack that is touched before the window, bytes.
+const STACK: usize = 256 << 10;
+/// Ticks of a throw-away copy that bring code and branch predictors in before the window.
+const WARM_UP_TICKS: u64 = 200;
+
+/// One run of a scene's path, from a state that is prepared before the loop begins.
+#[derive(Debug)]
+pub struct Pass {
+    servo: Servo,
+    global: Option<GlobalSide>,
+    ticks: u64,
+    /// What happened to it.
+    pub times: RecordedTimes,
+    /// Tick by tick.
+    pub tape: Vec<Taped>,
+    tapes: bool,
+    /// Of every commanded force, in order.
+    pub checksum: Checksum,
+    /// What ended it, if something did.
+    pub fault: Option<Fault>,
+}
+
+impl Pass {
+    /// A pass of `ticks` ticks; with `tapes`, tip and force of every tick are kept.
+    pub fn new(simulation: Simulation, ticks: u64, tapes: bool) -> Self {
+        let has_global = simulation.keeps().is_some();
+        let (servo, global) = simulation.into_loops();
+        let reserve = || Vec::with_capacity(ticks as usize);
+        Self {
+            servo,
+            global: has_global.then_some(global),
+            ticks,
+            times: RecordedTimes { arrivals: Vec::with_capacity(ticks as usize), late: reserve(), skipped: reserve() },
+            tape: Vec::with_capacity(if tapes { ticks as usize } else { 0 }),
+            tapes,
+            checksum: Checksum::default(),
+            fault: None,
+        }
+    }
+
+    fn end_tick(&mut self, done: &ServoTick) {
+        match done.fate {
+            Fate::OnTime => {}
+            Fate::Late(_) => self.times.late.push(done.tick),
+            Fate::Skipped => self.times.skipped.push(done.tick),
+        }
+        self.checksum.add(done.force);
+        if self.tapes {
+            self.tape.push(Taped::new(done.tip, done.force));
+        }
+    }
+}
+
+/// How a loop is to run.
+#[derive(Debug, Clone, Copy)]
+pub struct LoopSettings {
+    /// h, s.
+    pub step: f64,
+    /// Ticks of a global cycle.
+    pub cycle_ticks: u64,
+    /// How much of the patch's path goes up; `None` if there are no cycles.
+    pub keep: Option<Keep>,
+    /// Of every tick.
+    pub deadline: Deadline,
+    /// Whether a loop that does nothing is released half a tick after each tick.
+    pub control: bool,
+}
+
+/// What the servo thread had, as far as it was obtained.
+#[derive(Debug, Clone, Serialize)]
+pub struct Obtained {
+    /// Its scheduling policy.
+    pub policy: &'static str,
+    /// And priority.
+    pub priority: i32,
+    /// The CPUs it could run on.
+    pub cpus: Vec<usize>,
+    /// Whether all memory stayed in place.
+    pub memory_locked: bool,
+    /// What was refused, and why.
+    pub refused: Vec<String>,
+}
+
+impl Obtained {
+    /// Whether nothing of ordinary priority could take the CPU away.
+    pub fn is_realtime(&self) -> bool {
+        self.policy == "SCHED_FIFO"
+    }
+}
+
+/// The servo thread's own counters over the window.
+#[derive(Debug, Clone, Copy, Default, Serialize)]
+pub struct Window {
+    /// Calls of the allocator, freeing included; absent if nobody counts.
+    pub allocations: Option<u64>,
+    /// With and without reading.
+    pub page_faults: u64,
+    /// One for every sleep.
+    pub voluntary_switches: u64,
+    /// Times it was taken off the CPU.
+    pub involuntary_switches: u64,
+    /// Notes that did not fit into the ring.
+    pub lost_notes: u64,
+    /// When it began, on `CLOCK_MONOTONIC`, ns.
+    pub begin_ns: u64,
+    /// When it ended.
+    pub end_ns: u64,
+}
+
+/// A loop that has been run.
+#[derive(Debug)]
+pub struct Served {
+    /// As they went; those that were not reached have no ticks.
+    pub passes: Vec<Pass>,
+    /// What was measured.
+    pub meter: Meter,
+    /// What the thread counted.
+    pub window: Window,
+    /// What it had.
+    pub obtained: Obtained,
+    /// Whether it was stopped before its end.
+    pub stopped: bool,
+}
+
+/// Runs passes one after the other against the clock. The last of the CPUs that this thread may use is the servo
+/// thread's; `stop` ends the loop at the next tick. `None` if there is no pass, or a thread panicked.
+pub fn serve(passes: Vec<Pass>, warm_up: Servo, settings: LoopSettings, stop: &AtomicBool) -> Option<Served> {
+    let mut refused = Vec::new();
+    let ticks = passes.iter().map(|pass| pass.ticks).sum();
+    let deadline_ns = nanoseconds(settings.deadline.after);
+    let mut meter = Meter::new(ticks, deadline_ns);
+    let first_nodes = passes.first()?.servo.local().model().patch.nodes.clone();
+    let (servo_end, global_end) = channel(settings.cycle_ticks, settings.keep, &first_nodes);
+    let mut passes = passes;
+    let sides: Vec<_> = passes.iter_mut().map(|pass| (pass.global.take(), pass.ticks)).collect();
+    let first_patches: Vec<Vec<u32>> =
+        passes.iter().map(|pass| pass.servo.local().model().patch.nodes.clone()).collect();
+
+    let memory_locked = match os::lock_memory() {
+        Ok(()) => true,
+        Err(error) => {
+            refused.push(format!("mlockall: {error}"));
+            false
+        }
+    };
+    let cpus = os::affinity();
+    let done = AtomicBool::new(false);
+    let idle = Duration::from_secs_f64((settings.step / 4.0).clamp(2e-5, 1e-3));
+    let served = std::thread::scope(|scope| {
+        let builder = scope.spawn(|| build_models(global_end, sides, &first_patches, idle, &done));
+        let servo = scope.spawn(|| {
+            if let Some(&last) = cpus.last()
+                && let Err(error) = os::pin(&[last])
+            {
+                refused.push(format!("sched_setaffinity: {error}"));
+            }
+            if let Err(error) = os::request_fifo(PRIORITY) {
+                refused.push(format!("SCHED_FIFO: {error}"));
+            }
+            let (policy, priority) = os::policy();
+            touch_stack();
+            warm(warm_up);
+            let (window, stopped) = run_loop(&mut passes, servo_end, &mut meter, settings, stop);
+            let obtained = Obtained { policy, priority, cpus: os::affinity(), memory_locked, refused };
+            (passes, meter, window, obtained, stopped)
+        });
+        let served = servo.join();
+        done.store(true, Ordering::Release);
+        let built = builder.join();
+        built.ok().and(served.ok())
+    });
+    os::unlock_memory();
+    let (passes, meter, window, obtained, stopped) = served?;
+    Some(Served { passes, meter, window, obtained, stopped })
+}
+
+fn nanoseconds(seconds: f64) -> u64 {
+    (seconds * 1e9).round() as u64
+}
+
+/// The pages of the stack that the loop may come to use.
+fn touch_stack() {
+    let mut stack = [0_u8; STACK];
+    std::hint::black_box(&mut stack);
+}
+
+/// Code, caches and branch predictors: ticks whose results nobody sees.
+fn warm(mut servo: Servo) {
+    for _ in 0..WARM_UP_TICKS {
+        if servo.tick(Fate::OnTime).is_err() {
+            break;
+        }
+    }
+}
+
+/// The global thread: takes in what comes up, sends models down.
+fn build_models(
+    mut end: GlobalEnd,
+    mut sides: Vec<(Option<GlobalSide>, u64)>,
+    first_patches: &[Vec<u32>],
+    idle: Duration,
+    done: &AtomicBool,
+) {
+    let mut pass = 0;
+    loop {
+        if let Some(waiting) = end.pass_waiting()
+            && waiting != pass
+        {
+            pass = waiting;
+            end.begin_pass(pass, first_patches.get(pass as usize).map_or(&[][..], Vec::as_slice));
+        }
+        let mut passed = Vec::new();
+        let mut boundary = 0;
+        while let Some((tick, cycle)) = end.next_cycle() {
+            boundary = tick;
+            passed.push(cycle);
+        }
+        let is_over = end.pass_waiting().is_some_and(|waiting| waiting != pass);
+        match sides.get_mut(pass as usize) {
+            Some((Some(side), ticks)) if !passed.is_empty() && boundary < *ticks && !is_over => {
+                let model = side.next_model(passed, &mut |_| ());
+                end.send(boundary, model);
+            }
+            _ if done.load(Ordering::Acquire) => return,
+            _ => std::thread::sleep(idle),
+        }
+    }
+}
+
+/// The servo thread within its window.
+fn run_loop(
+    passes: &mut [Pass],
+    mut end: ServoEnd,
+    meter: &mut Meter,
+    settings: LoopSettings,
+    stop: &AtomicBool,
+) -> (Window, bool) {
+    let LoopSettings { step, cycle_ticks, deadline, control, .. } = settings;
+    let start = os::now_ns() + nanoseconds(LEAD_S);
+    let half = nanoseconds(step / 2.0);
+    // Releases are counted over all passes: a new pass keeps to the beat.
+    let mut released = 0_u64;
+    let release_of = |released: u64| start + nanoseconds(released as f64 * step);
+
+    let usage = Usage::of_this_thread();
+    let allocated = allocations::on_this_thread();
+    meter.begin(usage);
+    let mut stopped = false;
+    'passes: for (number, pass) in (0..).zip(passes.iter_mut()) {
+        end.begin_pass(number, &pass.servo);
+        while pass.servo.next_tick() < pass.ticks {
+            if stop.load(Ordering::Relaxed) {
+                stopped = true;
+                break 'passes;
+            }
+            let tick = pass.servo.next_tick();
+            // The instrument moves on while the loop waits: in reality nobody computes that.
+            let tip = match pass.servo.sense() {
+                Ok(tip) => tip,
+                Err(fault) => {
+                    pass.fault = Some(fault);
+                    break 'passes;
+                }
+            };
+            let release = release_of(released);
+            os::sleep_until_ns(release);
+            let cpu = os::thread_cpu_ns();
+            let begin = os::now_ns();
+            let report = match arrive(pass, &mut end, tick, cycle_ticks).and_then(|()| pass.servo.compute(tip)) {
+                Ok(report) => report,
+                Err(fault) => {
+                    pass.fault = Some(fault);
+                    break 'passes;
+                }
+            };
+            let command = os::now_ns();
+            let times = TickTimes {
+                pass: number,
+                tick,
+                release_ns: begin.saturating_sub(release),
+                response_ns: command.saturating_sub(release),
+                compute_ns: command - begin,
+                cpu_ns: os::thread_cpu_ns() - cpu,
+            };
+            let on_time = meter.tick(times, release - start);
+            let fate = if on_time { Fate::OnTime } else { Fate::Late(deadline.overrun) };
+            let done = pass.servo.conclude(tip, report, fate);
+            end.end_tick(&pass.servo);
+            pass.end_tick(&done);
+            released += 1;
+
+            if !on_time && deadline.overrun == OverrunPolicy::Skip {
+                while release_of(released) < command && pass.servo.next_tick() < pass.ticks {
+                    if let Err(fault) = skip(pass, &mut end, cycle_ticks) {
+                        pass.fault = Some(fault);
+                        break 'passes;
+                    }
+                    meter.skip();
+                    released += 1;
+                }
+            }
+            if control {
+                let release = release_of(released - 1) + half;
+                let is_ahead = os::now_ns() < release;
+                meter.control(is_ahead.then(|| {
+                    os::sleep_until_ns(release);
+                    let begin = os::now_ns();
+                    (begin.saturating_sub(release), os::now_ns() - release)
+                }));
+            }
+        }
+    }
+    let counted = Usage::of_this_thread().since(usage);
+    let window = Window {
+        allocations: allocations::on_this_thread().zip(allocated).map(|(now, before)| now - before),
+        page_faults: counted.page_faults,
+        voluntary_switches: counted.voluntary_switches,
+        involuntary_switches: counted.involuntary_switches,
+        lost_notes: end.lost(),
+        begin_ns: start,
+        end_ns: os::now_ns(),
+    };
+    (window, stopped)
+}
+
+/// A model that has arrived comes into use, and a segment of the path begins with it or with a cycle.
+fn arrive(pass: &mut Pass, end: &mut ServoEnd, tick: u64, cycle_ticks: u64) -> Result<(), Fault> {
+    match end.take_model(&mut pass.servo) {
+        Err(cause) => return Err(pass.servo.latch(cause)),
+        Ok(Some(from)) => {
+            pass.times.arrivals.push(Arrival { from, at: tick });
+            end.begin_segment(&pass.servo);
+        }
+        Ok(None) if tick > 0 && tick % cycle_ticks == 0 => end.begin_segment(&pass.servo),
+        Ok(None) => {}
+    }
+    Ok(())
+}
+
+/// A release that passed while a tick was being computed.
+fn skip(pass: &mut Pass, end: &mut ServoEnd, cycle_ticks: u64) -> Result<(), Fault> {
+    if pass.servo.next_tick() % cycle_ticks == 0 {
+        end.begin_segment(&pass.servo);
+    }
+    let done = pass.servo.skip()?;
+    end.end_tick(&pass.servo);
+    pass.end_tick(&done);
+    Ok(())
+}
