@@ -4,11 +4,15 @@
 mod accuracy;
 mod check;
 mod explain;
+#[cfg(all(feature = "realtime", target_os = "linux"))]
+mod interrupt;
 mod progress;
+mod replay;
 mod report;
 mod run;
 mod stability;
 mod table;
+mod tick_timing;
 mod time;
 
 use std::fmt::Display;
@@ -103,6 +107,18 @@ enum Command {
         not as it should be.\n\nExample: stickslip accuracy deep-stick-slip --budget-us 5 --out /tmp/accuracy"
     )]
     Accuracy(accuracy::AccuracyArguments),
+    /// Do recorded ticks again, bit for bit
+    #[command(
+        after_help = "FILE is the session.json that a run with `schedule = \"threads\"` or a certificate left. Every \
+        tick is done again in virtual time, with the models and the late ticks of the recording, and compared with \
+        it. Ticks that a certificate marked as its worst are timed again, with warm and with cold caches.\n\n\
+        Exit code 0: the same to the bit; 1: something differs; 2: the file is no session, or its scene cannot start.\n\n\
+        Example: stickslip replay reports/fig5-stick-slip/session.json"
+    )]
+    Replay {
+        /// A recorded session
+        file: PathBuf,
+    },
 }
 
 fn after_help() -> String {
@@ -125,6 +141,7 @@ pub fn main() -> ExitCode {
         Command::Explain { scene, json } => explain::explain(&scene, json),
         Command::Check(arguments) => check::check(&arguments),
         Command::Accuracy(arguments) => accuracy::accuracy(&arguments),
+        Command::Replay { file } => replay::replay(&file),
     };
     match done {
         Ok(code) => ExitCode::from(code),

@@ -6,8 +6,9 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde::Serialize;
 
 use super::progress::Progress;
+use super::run::execute;
 use super::{FAIL, PASS, load, say, table};
-use crate::output::files::{FinishedRun, run_into, write_file, write_json};
+use crate::output::files::{FinishedRun, write_file, write_json};
 use crate::pipeline::Simulation;
 use crate::scene::{Expectation, SHIPPED, Scene, SceneError};
 use crate::verify::surfaces::{self, Combination, Felt};
@@ -92,7 +93,7 @@ pub fn report(scenes: &[PathBuf], out: &Path) -> miette::Result<u8> {
     for (scene, expectation) in &scenes {
         progress.begin(&scene.name);
         let folder = out.join(&scene.name);
-        let run = run_into(scene, &folder, |ticks| progress.set(ticks))?;
+        let (run, _) = execute(scene, &folder, |ticks| progress.set(ticks))?;
         progress.end(scene.tick_count);
         reported.push(Reported { figure: figure(&run, &scene.name)?, run, expectation: *expectation });
     }

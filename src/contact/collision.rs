@@ -14,6 +14,24 @@ const SAME_TIME: f64 = 1e-12;
 /// a ten-millionth of what an encoder resolves.
 pub const START_TOLERANCE: f64 = 1e-12;
 
+/// Scratch of [`first_collision`]: every triangle that the tip passes through.
+#[derive(Debug)]
+pub struct Hits(Vec<Collision>);
+
+impl Hits {
+    /// For a surface of this many triangles.
+    pub fn new(triangles: usize) -> Self {
+        Self(Vec::with_capacity(triangles))
+    }
+}
+
+impl Clone for Hits {
+    /// Empty, with the same room, so that a copy allocates as little as the original.
+    fn clone(&self) -> Self {
+        Self::new(self.0.capacity())
+    }
+}
+
 /// The tip's first passage from the outer to the inner side.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Collision {
@@ -31,7 +49,7 @@ pub fn first_collision(
     end: &Shape,
     q0: Vec3,
     q1: Vec3,
-    hits: &mut Vec<Collision>,
+    Hits(hits): &mut Hits,
     tested: &mut u64,
 ) -> Option<Collision> {
     hits.clear();

@@ -49,7 +49,7 @@ impl SupportNode {
 /// support.project_sticking(&mut v);
 /// assert!(support.velocity(&v).norm() < 1e-15); // W P = 0
 /// ```
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Default)]
 pub struct Support {
     nodes: Vec<SupportNode>,
     free_weight: f64,
@@ -57,6 +57,15 @@ pub struct Support {
     scale: f64,
     /// Σ_free w².
     square_weight: f64,
+}
+
+impl Clone for Support {
+    /// With the same room, so that a copy allocates as little as the original.
+    fn clone(&self) -> Self {
+        let mut nodes = Vec::with_capacity(self.nodes.capacity());
+        nodes.extend_from_slice(&self.nodes);
+        Self { nodes, ..*self }
+    }
 }
 
 impl Support {

@@ -2,7 +2,7 @@
 //! hybrid of a deformation and a constraint force, in its order; the velocity scheme constrains the
 //! velocity alone. Allocates nothing, locks nothing, does no I/O.
 
-use super::collision::{Collision, START_TOLERANCE, first_collision};
+use super::collision::{Collision, Hits, START_TOLERANCE, first_collision};
 use super::law::{Impulse, Law, Mode};
 use super::limit::MovingLimit;
 use super::operators::{Metric, Support};
@@ -183,7 +183,7 @@ pub struct LocalSimulation {
     contact: Option<Contact>,
     support: Support,
     visited: Visited,
-    hits: Vec<Collision>,
+    hits: Hits,
     /// Λ·(what was left of the way to the tip)/h of the last tick, J, where the model has a [`LinearStep`].
     work_left: f64,
 }
@@ -202,7 +202,7 @@ impl LocalSimulation {
             contact: None,
             support: Support::with_capacity(LARGEST_SUPPORT),
             visited: Visited::new(triangles),
-            hits: Vec::with_capacity(triangles),
+            hits: Hits::new(triangles),
             work_left: 0.0,
         }
     }

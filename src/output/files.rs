@@ -53,15 +53,29 @@ pub struct FinishedRun {
     pub fault: Option<Fault>,
 }
 
-/// Runs a scene and writes `trace.csv`, `network.json`, `summary.json` and, with plots, `forces.svg`
+/// Runs a scene in virtual time and writes `trace.csv`, `network.json`, `summary.json` and, with plots, `forces.svg`
 /// into a folder. A fault ends the run; the rows before it are kept. `progress` is called with the
 /// number of ticks done.
 ///
 /// # Errors
 /// If the scene cannot start, and then nothing is written; or a file cannot be.
-pub fn run_into(scene: &Scene, out: &Path, mut progress: impl FnMut(u64)) -> Result<FinishedRun, RunFilesError> {
-    let start = Instant::now();
+pub fn run_into(scene: &Scene, out: &Path, progress: impl FnMut(u64)) -> Result<FinishedRun, RunFilesError> {
     let simulation = Simulation::prepare(scene)?;
+    Ok(write_run(scene, simulation, out, progress, |simulation, observe| simulation.run(observe).err())?)
+}
+
+/// The same for a simulation that `drive` runs, telling of every tick; its fault, if one ended it.
+///
+/// # Errors
+/// If a file cannot be written.
+pub fn write_run(
+    scene: &Scene,
+    simulation: Simulation,
+    out: &Path,
+    mut progress: impl FnMut(u64),
+    drive: impl FnOnce(Simulation, &mut dyn FnMut(&TickView)) -> Option<Fault>,
+) -> Result<FinishedRun, WriteError> {
+    let start = Instant::now();
     let failed = |path: &Path| {
         let path = path.to_owned();
         move |source| WriteError { path, source }
@@ -74,17 +88,15 @@ pub fn run_into(scene: &Scene, out: &Path, mut progress: impl FnMut(u64)) -> Res
     let mut trace = csv::Writer::from_writer(BufWriter::new(file));
     let mut recorder = Recorder::default();
     let mut trouble = None;
-    let fault = simulation
-        .run(|view: &TickView| {
-            recorder.record(view);
-            if trouble.is_none()
-                && let Err(error) = trace.serialize(TraceRow::new(view))
-            {
-                trouble = Some(io::Error::other(error));
-            }
-            progress(view.tick + 1);
-        })
-        .err();
+    let fault = drive(simulation, &mut |view: &TickView| {
+        recorder.record(view);
+        if trouble.is_none()
+            && let Err(error) = trace.serialize(TraceRow::new(view))
+        {
+            trouble = Some(io::Error::other(error));
+        }
+        progress(view.tick + 1);
+    });
     match trouble {
         Some(error) => Err(error),
         None => trace.into_inner().map_err(|error| io::Error::other(error.to_string())),

@@ -1,6 +1,8 @@
 //! What a run leaves behind: `trace.csv`, `network.json`, `summary.json` and the force plot.
 
 pub mod files;
+#[cfg(all(feature = "plots", feature = "realtime", target_os = "linux"))]
+pub mod latency;
 #[cfg(feature = "plots")]
 pub mod limits;
 #[cfg(feature = "plots")]

@@ -10,4 +10,5 @@ pub mod channel;
 pub mod load;
 pub mod meter;
 pub mod os;
+pub mod record;
 pub mod threads;

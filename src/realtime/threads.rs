@@ -60,6 +60,11 @@ impl Pass {
         }
     }
 
+    /// Ticks that were done, and left out.
+    pub fn ticks_done(&self) -> u64 {
+        self.servo.next_tick()
+    }
+
     fn end_tick(&mut self, done: &ServoTick) {
         match done.fate {
             Fate::OnTime => {}

@@ -1,0 +1,69 @@
+//! `stickslip replay`.
+
+use std::path::Path;
+
+use comfy_table::{Table, presets::UTF8_FULL_CONDENSED};
+
+use super::progress::Progress;
+use super::tick_timing::{TimedTick, time_ticks};
+use super::{FAIL, PASS, say};
+use crate::pipeline::Simulation;
+use crate::session::{self, Replayed, Session};
+
+pub fn replay(file: &Path) -> miette::Result<u8> {
+    let session = Session::load(file)?;
+    let scene = session.scene()?;
+    Simulation::prepare(&scene)?;
+    let mut progress = Progress::new(session.passes.iter().map(|pass| pass.ticks).sum());
+    let mut all_same = true;
+    let mut lines = Vec::new();
+    for pass in &session.passes {
+        progress.begin(&format!("pass {}", pass.pass));
+        let simulation = session.prepare(&scene, pass)?;
+        let went = session::replay(simulation, pass, |view| progress.set(view.tick + 1));
+        progress.end(pass.ticks);
+        let (is_same, words) = match went {
+            Replayed::Same => (true, format!("{} ticks, the same to the bit", pass.ticks)),
+            Replayed::Differs { tick: Some(tick) } => (false, format!("DIFFERS from tick {tick} on")),
+            Replayed::Differs { tick: None } => (false, "DIFFERS: the forces have another checksum".to_owned()),
+            Replayed::Ended { ticks, fault } => {
+                let why = fault.map_or("the scene is over".to_owned(), |fault| fault.to_string());
+                (false, format!("ENDED after {ticks} of {} ticks: {why}", pass.ticks))
+            }
+        };
+        all_same &= is_same;
+        lines.push(format!("pass {}: {words}", pass.pass));
+    }
+    drop(progress);
+    for line in lines {
+        say(line)?;
+    }
+    if !session.worst.is_empty() {
+        let timed = time_ticks(&session, &scene)?;
+        say(table(&timed))?;
+    }
+    Ok(if all_same { PASS } else { FAIL })
+}
+
+/// Ticks that were timed again.
+pub fn table(timed: &[TimedTick]) -> Table {
+    let mut table = Table::new();
+    table.load_style(UTF8_FULL_CONDENSED).set_header([
+        "pass",
+        "tick",
+        "why",
+        "warm: median, longest (µs)",
+        "cold: median, longest (µs)",
+    ]);
+    for tick in timed {
+        let us = |[median, max]: [u64; 2]| format!("{:.2}, {:.2}", median as f64 * 1e-3, max as f64 * 1e-3);
+        table.add_row([
+            tick.tick.pass.to_string(),
+            tick.tick.tick.to_string(),
+            tick.tick.why.clone(),
+            us(tick.warm_ns),
+            us(tick.cold_ns),
+        ]);
+    }
+    table
+}

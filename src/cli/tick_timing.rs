@@ -1,0 +1,132 @@
+//! Single ticks of a recorded session, done again and again from the same state: with caches that hold what they
+//! need, and with caches that something else has filled.
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use serde::Serialize;
+
+use crate::contact::law::Mode;
+use crate::pipeline::{Lockstep, Simulation, TickView};
+use crate::scene::{Scene, SceneError};
+use crate::servo::Servo;
+use crate::session::{RecordedPass, Session, TickToReplay};
+use crate::timeline::Fate;
+
+/// Repetitions with warm and with cold caches.
+const WARM: usize = 101;
+const COLD: usize = 21;
+/// More than any cache of one core's share: what is written between two cold repetitions, in words of 8 bytes.
+const EVICTING: usize = 8 << 20;
+/// Ticks of rest after which everything that decays has decayed.
+const REST_TICKS: u64 = 20_000;
+
+/// A tick that was timed again.
+#[derive(Debug, Clone, Serialize)]
+pub struct TimedTick {
+    /// Which.
+    #[serde(flatten)]
+    pub tick: TickToReplay,
+    /// Median and longest, ns.
+    pub warm_ns: [u64; 2],
+    /// Median and longest, ns.
+    pub cold_ns: [u64; 2],
+}
+
+/// Times the ticks that a session marks, and of its first pass one of every kind that is known for taking long:
+/// contact onset, an edge crossed, a model handed over, rest after a long decay.
+///
+/// # Errors
+/// If the scene cannot start.
+pub fn time_ticks(session: &Session, scene: &Scene) -> Result<Vec<TimedTick>, SceneError> {
+    let mut timed = Vec::new();
+    let mut cache = vec![0_u64; EVICTING];
+    for (number, pass) in session.passes.iter().enumerate() {
+        let simulation = session.prepare(scene, pass)?;
+        let mut marked: Vec<TickToReplay> =
+            session.worst.iter().filter(|tick| tick.pass == pass.pass).cloned().collect();
+        if number == 0 {
+            marked.extend(kinds(simulation.clone(), pass));
+            let rest = Simulation::prepare(scene)?;
+            timed.extend(at_rest(rest, pass.pass, &mut cache));
+        }
+        marked.sort_by_key(|tick| tick.tick);
+        let mut run = Lockstep::new(simulation);
+        for tick in marked {
+            while run.servo().next_tick() < tick.tick && step(&mut run, &mut |_| ()) {}
+            // The state before the tick, after whatever is handed over to it.
+            let mut ahead = run.clone();
+            if run.servo().next_tick() == tick.tick && ahead.begin_tick(&mut |_| ()).is_ok_and(|is_there| is_there) {
+                timed.push(time(ahead.servo(), tick, &mut cache));
+            }
+        }
+    }
+    Ok(timed)
+}
+
+fn step(run: &mut Lockstep, observe: &mut impl FnMut(&TickView)) -> bool {
+    matches!(run.begin_tick(&mut |_| ()), Ok(true)) && run.finish_tick(&mut |_| (), observe).is_ok()
+}
+
+/// The first tick of every kind in a pass.
+fn kinds(simulation: Simulation, pass: &RecordedPass) -> Vec<TickToReplay> {
+    let mut run = Lockstep::new(simulation);
+    let mut first: Vec<(&'static str, u64)> = Vec::new();
+    let mut triangle = None;
+    let mut is_going = true;
+    while is_going && run.servo().next_tick() < pass.ticks {
+        is_going = step(&mut run, &mut |view| {
+            let now = view.report.touch.map(|touch| touch.point.triangle);
+            let found = [
+                ("contact onset", view.report.collision_time.is_some()),
+                ("edge crossed", triangle.is_some() && now.is_some() && now != triangle),
+                ("model handed over", view.tick > 0 && view.model_age == 0 && view.report.mode != Mode::Free),
+            ];
+            triangle = now;
+            for (why, _) in found.iter().filter(|(_, is_so)| *is_so && view.fate != Fate::Skipped) {
+                if !first.iter().any(|(known, _)| known == why) {
+                    first.push((*why, view.tick));
+                }
+            }
+        });
+    }
+    first.iter().map(|&(why, tick)| TickToReplay { pass: pass.pass, tick, why: why.to_owned() }).collect()
+}
+
+/// A network that has come to rest, untouched: the place where subnormal numbers would show.
+fn at_rest(simulation: Simulation, pass: u32, cache: &mut [u64]) -> Option<TimedTick> {
+    let mut servo = simulation.into_loops().0;
+    // The first tick's tip again and again.
+    for _ in 0..REST_TICKS {
+        let tip = servo.tip();
+        servo.compute(tip).ok()?;
+    }
+    let tick = TickToReplay { pass, tick: 0, why: "rest after long decay".to_owned() };
+    Some(time(&servo, tick, cache))
+}
+
+fn time(servo: &Servo, tick: TickToReplay, cache: &mut [u64]) -> TimedTick {
+    let once = |before: &mut dyn FnMut()| {
+        let mut servo = servo.clone();
+        let tip = servo.sense();
+        before();
+        let start = Instant::now();
+        // A fault takes its time like any other outcome.
+        let report = tip.and_then(|tip| servo.compute(tip));
+        let took = start.elapsed();
+        let _ = black_box(report);
+        took.as_nanos() as u64
+    };
+    let warm = (0..WARM).map(|_| once(&mut || ())).collect();
+    let mut evict = || {
+        cache.iter_mut().for_each(|word| *word = word.wrapping_add(1));
+        black_box(&mut *cache);
+    };
+    let cold = (0..COLD).map(|_| once(&mut evict)).collect();
+    TimedTick { tick, warm_ns: median_and_max(warm), cold_ns: median_and_max(cold) }
+}
+
+fn median_and_max(mut times: Vec<u64>) -> [u64; 2] {
+    times.sort_unstable();
+    [times[times.len() / 2], times.last().copied().unwrap_or_default()]
+}

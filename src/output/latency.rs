@@ -1,0 +1,131 @@
+//! Figures of a servo loop's times.
+
+use std::io;
+
+use plotters::prelude::*;
+
+const SIZE: (u32, u32) = (900, 420);
+const TICKS: RGBColor = RGBColor(24, 90, 157);
+const CONTROL: RGBColor = RGBColor(120, 120, 120);
+const DEADLINE: RGBColor = RGBColor(200, 60, 40);
+/// Shortest time that is drawn, µs.
+const SHORTEST_US: f64 = 0.1;
+
+type Drawn = Result<(), Box<dyn std::error::Error>>;
+
+/// A stretch of a run.
+#[derive(Debug, Clone, Copy)]
+pub struct Stretch {
+    /// Where it begins, s.
+    pub time_s: f64,
+    /// Longest and mean response, µs.
+    pub response_us: [f64; 2],
+    /// Longest response of the empty loop, µs; 0 if it was not run.
+    pub control_us: f64,
+}
+
+/// Responses over time on a logarithmic scale, with the deadline, as an SVG document.
+///
+/// # Errors
+/// If the plotting library cannot draw it.
+pub fn over_time(stretches: &[Stretch], deadline_us: f64) -> io::Result<String> {
+    let mut svg = String::new();
+    draw_over_time(&mut svg, stretches, deadline_us).map_err(|error| io::Error::other(error.to_string()))?;
+    Ok(svg)
+}
+
+/// Shares of ticks that take longer than a time (µs), of the servo loop and of the empty one, on logarithmic
+/// scales, with the deadline, as an SVG document.
+///
+/// # Errors
+/// If the plotting library cannot draw it.
+pub fn tails(servo: &[(f64, f64)], control: &[(f64, f64)], deadline_us: f64) -> io::Result<String> {
+    let mut svg = String::new();
+    draw_tails(&mut svg, servo, control, deadline_us).map_err(|error| io::Error::other(error.to_string()))?;
+    Ok(svg)
+}
+
+fn decades(values: impl Iterator<Item = f64>, deadline_us: f64) -> (f64, f64) {
+    let (mut bottom, mut top) = (deadline_us, deadline_us);
+    for value in values.filter(|value| *value > SHORTEST_US && value.is_finite()) {
+        (bottom, top) = (bottom.min(value), top.max(value));
+    }
+    (10_f64.powf(bottom.log10().floor()), 10_f64.powf((top * 1.05).log10().ceil()))
+}
+
+fn draw_over_time(svg: &mut String, stretches: &[Stretch], deadline_us: f64) -> Drawn {
+    let values = stretches.iter().flat_map(|stretch| [stretch.response_us[0], stretch.response_us[1], stretch.control_us]);
+    let (bottom, top) = decades(values, deadline_us);
+    let end = stretches.last().map_or(1.0, |stretch| stretch.time_s).max(1e-3);
+    let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
+    root.fill(&WHITE)?;
+    let mut chart = ChartBuilder::on(&root)
+        .margin(12)
+        .x_label_area_size(44)
+        .y_label_area_size(72)
+        .build_cartesian_2d(0.0..end, (bottom..top).log_scale())?;
+    chart
+        .configure_mesh()
+        .x_desc("time (s)")
+        .y_desc("response (µs)")
+        .y_label_formatter(&|us| format!("{us}"))
+        .light_line_style(WHITE)
+        .draw()?;
+    let line = |of: fn(&Stretch) -> f64| {
+        stretches.iter().map(move |s| (s.time_s, of(s))).filter(|(_, us)| *us > SHORTEST_US).collect::<Vec<_>>()
+    };
+    let control = line(|s| s.control_us);
+    let mut series = |points: Vec<(f64, f64)>, style: ShapeStyle, name: &str| -> Drawn {
+        chart
+            .draw_series(LineSeries::new(points, style))?
+            .label(name)
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
+        Ok(())
+    };
+    if !control.is_empty() {
+        series(control, CONTROL.stroke_width(1), "longest of the empty loop")?;
+    }
+    series(line(|s| s.response_us[0]), TICKS.stroke_width(1), "longest of the stretch")?;
+    series(line(|s| s.response_us[1]), TICKS.mix(0.5).stroke_width(2), "mean of the stretch")?;
+    series(vec![(0.0, deadline_us), (end, deadline_us)], DEADLINE.stroke_width(2), "deadline")?;
+    chart.configure_series_labels().background_style(WHITE.mix(0.8)).border_style(CONTROL).draw()?;
+    root.present()?;
+    Ok(())
+}
+
+fn draw_tails(svg: &mut String, servo: &[(f64, f64)], control: &[(f64, f64)], deadline_us: f64) -> Drawn {
+    let (left, right) = decades(servo.iter().chain(control).map(|point| point.0), deadline_us);
+    let rarest = servo.iter().chain(control).map(|point| point.1).filter(|share| *share > 0.0).fold(0.1, f64::min);
+    let bottom = 10_f64.powf(rarest.log10().floor());
+    let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
+    root.fill(&WHITE)?;
+    let mut chart = ChartBuilder::on(&root)
+        .margin(12)
+        .x_label_area_size(44)
+        .y_label_area_size(72)
+        .build_cartesian_2d((left..right).log_scale(), (bottom..1.0).log_scale())?;
+    chart
+        .configure_mesh()
+        .x_desc("response (µs)")
+        .y_desc("share of ticks that take longer")
+        .x_label_formatter(&|us| format!("{us}"))
+        .y_label_formatter(&|share| format!("{share:.0e}"))
+        .light_line_style(WHITE)
+        .draw()?;
+    let mut series = |points: Vec<(f64, f64)>, style: ShapeStyle, name: &str| -> Drawn {
+        chart
+            .draw_series(LineSeries::new(points, style))?
+            .label(name)
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
+        Ok(())
+    };
+    let drawn = |points: &[(f64, f64)]| points.iter().copied().filter(|(us, _)| *us > SHORTEST_US).collect::<Vec<_>>();
+    if !control.is_empty() {
+        series(drawn(control), CONTROL.stroke_width(2), "the empty loop")?;
+    }
+    series(drawn(servo), TICKS.stroke_width(2), "the servo loop")?;
+    series(vec![(deadline_us, bottom), (deadline_us, 1.0)], DEADLINE.stroke_width(2), "deadline")?;
+    chart.configure_series_labels().background_style(WHITE.mix(0.8)).border_style(CONTROL).draw()?;
+    root.present()?;
+    Ok(())
+}

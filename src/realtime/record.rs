@@ -1,0 +1,132 @@
+//! `stickslip run` of a scene with `schedule = "threads"`: one pass, recorded.
+
+use std::sync::atomic::AtomicBool;
+
+use serde::Serialize;
+
+use super::meter::{Meter, Times};
+use super::threads::{LoopSettings, Obtained, Pass, Served, Window, serve};
+use crate::pipeline::Simulation;
+use crate::scene::{Scene, SceneError};
+use crate::session::{RecordedPass, Session};
+use crate::timeline::OverrunPolicy;
+
+/// Quantiles of a time, ns.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Quantiles {
+    /// Half of them are not longer.
+    pub p50: u64,
+    /// Nine in ten.
+    pub p90: u64,
+    /// 99 %.
+    pub p99: u64,
+    /// 99.9 %.
+    pub p999: u64,
+    /// 99.99 %.
+    pub p9999: u64,
+    /// The longest, exactly; quantiles have three digits.
+    pub max: u64,
+}
+
+impl Quantiles {
+    /// Of what was recorded.
+    pub fn of(times: &Times) -> Self {
+        let at = |share| times.quantile_ns(share);
+        Self { p50: at(0.5), p90: at(0.9), p99: at(0.99), p999: at(0.999), p9999: at(0.9999), max: times.max_ns() }
+    }
+}
+
+/// How the loop kept time.
+#[derive(Debug, Clone, Serialize)]
+pub struct RealTimeSummary {
+    /// From a tick's release, µs.
+    pub deadline_us: f64,
+    /// What a missed one did.
+    pub overrun: OverrunPolicy,
+    /// From a scheduled release to the tick's begin.
+    pub release_ns: Quantiles,
+    /// From a scheduled release to the command.
+    pub response_ns: Quantiles,
+    /// From begin to command.
+    pub compute_ns: Quantiles,
+    /// Ticks that missed their deadline.
+    pub misses: u64,
+    /// Ticks that were left out.
+    pub skipped: u64,
+    /// The servo thread's own counters.
+    pub window: Window,
+    /// What it had.
+    pub settings: Obtained,
+    /// Whether it was stopped before its end.
+    pub stopped: bool,
+    /// Whether the same ticks, done again in virtual time, commanded the same forces to the bit.
+    pub replayed: bool,
+}
+
+impl RealTimeSummary {
+    fn new(scene: &Scene, meter: &Meter, served: &Served) -> Self {
+        Self {
+            deadline_us: scene.deadline.after * 1e6,
+            overrun: scene.deadline.overrun,
+            release_ns: Quantiles::of(&meter.release),
+            response_ns: Quantiles::of(&meter.response),
+            compute_ns: Quantiles::of(&meter.compute),
+            misses: meter.missed(),
+            skipped: meter.skipped(),
+            window: served.window,
+            settings: served.obtained.clone(),
+            stopped: served.stopped,
+            replayed: false,
+        }
+    }
+}
+
+/// A recorded run.
+#[derive(Debug)]
+pub struct Recorded {
+    /// How to do it again.
+    pub session: Session,
+    /// How it kept time.
+    pub summary: RealTimeSummary,
+}
+
+/// How a scene's loop is to run, with or without the empty loop.
+pub fn loop_settings(scene: &Scene, simulation: &Simulation, control: bool) -> LoopSettings {
+    LoopSettings {
+        step: scene.tick,
+        cycle_ticks: u64::from(scene.ticks_per_cycle),
+        keep: simulation.keeps(),
+        deadline: scene.deadline,
+        control,
+    }
+}
+
+/// What a pass left, to be run again.
+pub fn recorded_pass(number: u32, pass: Pass) -> RecordedPass {
+    RecordedPass {
+        pass: number,
+        ticks: pass.ticks_done(),
+        times: pass.times,
+        checksum: pass.checksum.text(),
+        tape: pass.tape,
+    }
+}
+
+/// Runs a scene in real time; `stop` ends it at the next tick.
+///
+/// # Errors
+/// If the scene cannot start.
+///
+/// # Panics
+/// If a thread of the loop did.
+pub fn record(scene: &Scene, stop: &AtomicBool) -> Result<Recorded, SceneError> {
+    let simulation = Simulation::prepare(scene)?;
+    let warm_up = simulation.clone().into_loops().0;
+    let settings = loop_settings(scene, &simulation, false);
+    let pass = Pass::new(simulation, scene.tick_count, true);
+    let mut served = serve(vec![pass], warm_up, settings, stop).expect("threads of the loop do not panic");
+    let mut session = Session::new(scene, scene.deadline.overrun);
+    let passes = std::mem::take(&mut served.passes);
+    session.passes = (0..).zip(passes).map(|(number, pass)| recorded_pass(number, pass)).collect();
+    Ok(Recorded { session, summary: RealTimeSummary::new(scene, &served.meter, &served) })
+}
