@@ -12,6 +12,8 @@ mod linearization;
 mod multirate;
 mod network;
 mod operators;
+mod phantom;
+mod phantom_motion;
 mod rest;
 mod stability;
 mod subdivision;

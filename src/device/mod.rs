@@ -2,3 +2,4 @@
 
 pub mod failsafe;
 pub mod instrument;
+pub mod phantom;
