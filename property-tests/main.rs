@@ -5,6 +5,7 @@ mod accuracy;
 mod check;
 mod condensation;
 mod contact;
+mod coupling;
 mod extremes;
 mod integrators;
 mod limit;
