@@ -173,7 +173,7 @@ fn a_constant_force_is_balanced_by_the_hand() {
         assert!((exerted - force).norm() <= 2e-3, "{exerted} instead of {force}");
         ends.push(phantom.tip());
     }
-    // Scene axes: a force along +z lifts the tip, against 134 N/m of the springs in series.
+    // In scene axes, against 65, 201 and 88 N/m of the springs in series: with 1 N by 15 and 5 mm, with 1.5 N by 17 mm.
     for axis in 0..2 {
         assert!(ends[axis + 1][axis] - ends[0][axis] > 1e-3, "{ends:?}");
     }
@@ -193,7 +193,7 @@ fn random_forces_and_paths_leave_it_finite_or_end_with_a_name() {
             let before = *phantom.state();
             match phantom.advance(f64::from(tick) * TICK) {
                 Ok(measured) => {
-                    // Half a count of each joint is 24 µm at most, this far out.
+                    // Half a count of θ₁, θ₂ and θ₃ moves the tip by 22, 15 and 12 µm at most.
                     prop_assert!((measured - phantom.tip()).norm() <= 5e-5, "{}", measured);
                 }
                 Err(DeviceError::Pose { .. }) => {
