@@ -1,5 +1,5 @@
-//! What may stand between contact and device, each by itself: smoothing of forces at hand-overs, a virtual coupling, and
-//! passivity control, in this order from contact to device.
+//! What may stand between contact and device, each by itself: smoothing of forces at hand-overs, a virtual coupling,
+//! and passivity control, in this order from contact to device.
 
 use thiserror::Error;
 
@@ -65,8 +65,8 @@ impl CouplingSettings {
     }
 }
 
-/// J. E. Colgate, M. C. Stanley, J. M. Brown, *Issues in the haptic display of tool use*, IROS 1995, with a mass for the
-/// simulated tip, since contact answers a motion with a force.
+/// J. E. Colgate, M. C. Stanley, J. M. Brown, *Issues in the haptic display of tool use*, IROS 1995, with a mass for
+/// the simulated tip, since contact answers a motion with a force.
 #[derive(Debug, Clone)]
 pub struct VirtualCoupling {
     settings: CouplingSettings,
@@ -88,8 +88,8 @@ impl VirtualCoupling {
         Ok(Self { settings, tick, tip: measured, velocity: zero, measured, measured_velocity: zero })
     }
 
-    /// A semi-implicit step of the simulated tip under the spring and the contact force of the last tick, N: where contact
-    /// is to look for it, m.
+    /// A semi-implicit step of the simulated tip under the spring and the contact force of the last tick, N: where
+    /// contact is to look for it, m.
     pub fn advance(&mut self, measured: &Vec3, contact_force: &Vec3) -> Vec3 {
         self.measured_velocity = (measured - self.measured) / self.tick;
         self.measured = *measured;
@@ -105,19 +105,20 @@ impl VirtualCoupling {
     }
 }
 
-/// Time-domain passivity control in impedance causality: B. Hannaford, J.-H. Ryu, *Time-domain passivity control of haptic
-/// interfaces*, IEEE Transactions on Robotics and Automation 18(1), 2002. A damper takes up what the simulation would give
-/// out beyond what it took in. A force is counted with the motion it answers, while motors hold it over the next: what
-/// they do in between is not in the account.
+/// Time-domain passivity control in impedance causality: B. Hannaford, J.-H. Ryu, *Time-domain passivity control of
+/// haptic interfaces*, IEEE Transactions on Robotics and Automation 18(1), 2002. A damper takes up what the simulation
+/// would give out beyond what it took in. A force is counted with the motion it answers, while motors hold it over the
+/// next: what they do in between is not in the account.
 #[derive(Debug, Clone, Default)]
 pub struct PassivityController {
     energy: f64,
 }
 
 impl PassivityController {
-    /// The force to command, N, where the measured tip has moved by Δq in the tick, m. The energy goes up by −f·Δq; what is
-    /// then missing is taken out by f − αv, α = −E/(h|v|²), v = Δq/h, which is f + EΔq/|Δq|² whatever h. It is a part of
-    /// f along Δq, if E was not negative before. A force that is not finite is left to what limits the device.
+    /// The force to command, N, where the measured tip has moved by Δq in the tick, m. The energy goes up by −f·Δq;
+    /// what is then missing is taken out by f − αv, α = −E/(h|v|²), v = Δq/h, which is f + EΔq/|Δq|² whatever h. It is
+    /// a part of f along Δq, if E was not negative before. A force that is not finite is left to what limits the
+    /// device.
     pub fn command(&mut self, force: &Vec3, displacement: &Vec3) -> Vec3 {
         let work = force.dot(displacement);
         if !work.is_finite() {
@@ -157,8 +158,8 @@ impl HandOverSmoothing {
     }
 
     /// The force to command in the place of one, N, that is the first of a new model or not. In tick j = 0 … n − 1 from
-    /// there it is f + (f_before − f_first)(1 − (j + 1)/(n + 1)), f_before as commanded, so that a hand-over during a fade
-    /// starts from what is felt.
+    /// there it is f + (f_before − f_first)(1 − (j + 1)/(n + 1)), f_before as commanded, so that a hand-over during a
+    /// fade starts from what is felt.
     pub fn command(&mut self, force: &Vec3, is_first_of_model: bool) -> Vec3 {
         if is_first_of_model {
             self.left = self.ticks;

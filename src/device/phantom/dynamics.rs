@@ -2,7 +2,7 @@
 //!
 //! M and N with the identified π₁…π₈: Çavuşoğlu, Feygin, Tendick 2002 (see [`kinematics`](super::kinematics)). C is
 //! made of the Christoffel symbols of M, so that Ṁ − 2C is skew-symmetric and the motion without friction keeps its
-//! energy. With S = sin(θ₂ − θ₃) this makes C₃₂ = ∂M₂₃/∂θ₂ θ̇₂ = −½π₄cos(θ₂ − θ₃)θ̇₂, which some printings give with a +.
+//! energy. This makes C₃₂ = ∂M₂₃/∂θ₂ θ̇₂ = −½π₄cos(θ₂ − θ₃)θ̇₂, which some printings give with a +.
 
 use crate::{Mat3, Vec3};
 
@@ -24,8 +24,8 @@ pub struct JointSettings {
     pub friction: Vec3,
     /// Friction is τ_c tanh(θ̇/ω): the speed ω over which it turns, rad/s. Assumed.
     pub friction_speed: f64,
-    /// Inertia of the rotors seen from the joints, kg·m²: what is to be added to M's diagonal. None by default, since M was
-    /// identified with the motors on.
+    /// Inertia of the rotors seen from the joints, kg·m²: what is to be added to M's diagonal. None by default: the
+    /// identified M is taken to contain it.
     pub rotor_inertia: Vec3,
 }
 

@@ -1,7 +1,7 @@
-//! The hand that holds the stylus: stylus –(k₁ ‖ b₁)– mass –(k₂ ‖ b₂)– where the hand wants to be, in each axis by itself.
+//! The hand that holds the stylus, in each axis by itself: stylus –(k₁ ‖ b₁)– mass –(k₂ ‖ b₂)– where it wants to be.
 //!
 //! M. J. Fu, M. C. Çavuşoğlu, *Human-arm-and-hand-dynamic model with variability analyses for a stylus-based haptic
-//! interface*, IEEE Transactions on Systems, Man, and Cybernetics B 42(6), 2012; measured on this device, held as a pen.
+//! interface*, IEEE Transactions on Systems, Man, and Cybernetics B 42(6), 2012; measured on this device, pen grip.
 
 use crate::Vec3;
 

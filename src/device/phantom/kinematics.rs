@@ -1,7 +1,7 @@
 //! Where the tip of a PHANTOM Premium 1.5 is for given joint angles, and back.
 //!
-//! Geometry, home position and Jacobian: M. C. Çavuşoğlu, D. Feygin, F. Tendick, *A critical study of the mechanical and
-//! electrical properties of the PHANToM haptic interface and improvements for high performance control*, Presence
+//! Geometry, home position and Jacobian: M. C. Çavuşoğlu, D. Feygin, F. Tendick, *A critical study of the mechanical
+//! and electrical properties of the PHANToM haptic interface and improvements for high performance control*, Presence
 //! 11(6), 2002. In device axes (x right, y up, z towards the user) the tip is at the origin where θ = 0. θ₁ turns the
 //! device about y; θ₂ and θ₃ are *absolute* angles of the upper link to the horizontal and of the fore link to the
 //! vertical, since both motors sit on the base. ρ = l₁c₂ + l₂s₃ is how far the tip reaches out from the axis of θ₁.

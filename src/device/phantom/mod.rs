@@ -1,5 +1,5 @@
-//! A PHANTOM Premium 1.5 in a user's hand, as a model: a force that is commanded goes through limits, quantised currents
-//! and amplifiers to the joints, the hand and the joints move each other, and encoders tell where the tip is.
+//! A PHANTOM Premium 1.5 in a user's hand, as a model: a force that is commanded goes through limits, quantised
+//! currents and amplifiers to the joints, the hand and the joints move each other, and encoders tell where the tip is.
 //!
 //! Tick k runs from kh to (k + 1)h: the plant moves under the command of the tick before, held constant
 //! ([`Phantom::advance`]), the tip is measured at the tick's end, and the simulation answers with the next force
@@ -177,8 +177,8 @@ impl PhantomSettings {
         Ok(())
     }
 
-    /// No motion near rest is faster, 1/s: of ẍ = −(K/m)x − (D/m)ẋ none is faster than √(K/m) + D/m. A generous bound: it
-    /// takes the least inertia of any pose, and the stretched links for the lever of the grip.
+    /// No motion near rest is faster, 1/s: of ẍ = −(K/m)x − (D/m)ẋ none is faster than √(K/m) + D/m. A generous bound:
+    /// it takes the least inertia of any pose, and the stretched links for the lever of the grip.
     fn rate_bound(&self) -> f64 {
         let Self { joints, actuation, hand, .. } = self;
         let rate = |stiffness: f64, damping: f64, mass: f64| (stiffness / mass).sqrt() + damping / mass;
@@ -288,7 +288,8 @@ impl Phantom {
         self.is_saturated
     }
 
-    /// Mean magnitude of the commanded forces, N, in which those of `thermal_time` ago weigh 1/e as much as those of now.
+    /// Mean magnitude of the commanded forces, N, in which those of `thermal_time` ago weigh 1/e as much as those of
+    /// now.
     pub fn mean_force_n(&self) -> f64 {
         self.mean_force
     }

@@ -89,8 +89,8 @@ impl PlantState {
 }
 
 impl Plant {
-    /// A tick under a constant current command (A): the classical Runge-Kutta method of order 4 in equal substeps. Where
-    /// the hand's target turns within a substep the velocity is that in its middle.
+    /// A tick under a constant current command (A): the classical Runge-Kutta method of order 4 in equal substeps.
+    /// Where the hand's target turns within a substep the velocity is that in its middle.
     pub fn advance(&self, state: &PlantState, start_time: f64, tick: f64, command: &Vec3) -> PlantState {
         let h = tick / f64::from(self.settings.substeps);
         let mut state = *state;
