@@ -6,6 +6,9 @@ use std::cell::Cell;
 
 use stickslip::Vec3;
 use stickslip::contact::law::{Law, Mode};
+use stickslip::device::coupling::{CouplingSettings, HandOverSmoothing, PassivityController, VirtualCoupling};
+use stickslip::device::instrument::{TipPath, Waypoint};
+use stickslip::device::phantom::{Phantom, PhantomSettings};
 use stickslip::pipeline::Simulation;
 use stickslip::scene::Scene;
 
@@ -116,4 +119,31 @@ fn a_hundred_thousand_ticks_allocate_nothing() {
 #[test]
 fn the_counter_counts() {
     assert!(allocations(|| drop(std::hint::black_box(Box::new(1)))) == 2);
+}
+
+/// The modelled device with everything that may stand before it, pressed into a wall.
+#[test]
+fn a_modelled_device_allocates_nothing() {
+    let waypoints = [(0.0, 0.002), (1.0, -0.01)];
+    let waypoints = waypoints.map(|(time, height)| Waypoint { time, position: Vec3::z() * height });
+    let path = TipPath::new(waypoints.to_vec()).expect("ascending");
+    let mut phantom = Phantom::new(PhantomSettings::default(), &path, 1e-3).expect("near home");
+    let settings = CouplingSettings { stiffness: 500.0, damping: 5.0, mass: 0.05 };
+    let mut before = phantom.measured_tip();
+    let mut coupling = VirtualCoupling::new(settings, 1e-3, before).expect("heavy enough");
+    let mut passivity = PassivityController::default();
+    let mut smoothing = HandOverSmoothing::new(20);
+    let (mut contact, mut most) = (Vec3::zeros(), 0.0_f64);
+    let count = allocations(|| {
+        for tick in 0..2000 {
+            let measured = phantom.advance(tick as f64 * 1e-3).expect("within the workspace");
+            let tip = coupling.advance(&measured, &contact);
+            contact = smoothing.command(&(Vec3::z() * (-800.0 * tip.z).max(0.0)), tick % 100 == 0);
+            let force = passivity.command(&coupling.force(), &(measured - before));
+            most = most.max(phantom.command(&force).norm());
+            before = measured;
+        }
+    });
+    assert!(most > 0.1, "no contact: {most} N");
+    assert_eq!(count, 0);
 }

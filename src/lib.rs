@@ -11,7 +11,7 @@
 //!
 //! [`scene`] → [`model`] (mesh, network, linearisation, local model) → [`contact`] (collision,
 //! location, operators, law, tick) → [`dynamics`] (integrators, global cycle, energy) →
-//! [`device`] (instrument, fail-safe) → [`output`] (trace, summary, plots). [`pipeline`] is that
+//! [`device`] (instrument, fail-safe, modelled device) → [`output`] (trace, summary, plots). [`pipeline`] is that
 //! path on one page; [`verify`] holds what comes out of it against accepted results.
 //!
 //! ```

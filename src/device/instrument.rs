@@ -159,8 +159,7 @@ impl TipPath {
 
     /// The tip at a time, s.
     pub fn at(&self, time: f64) -> Vec3 {
-        let after = self.waypoints.partition_point(|waypoint| waypoint.time <= time);
-        match (after.checked_sub(1).map(|i| self.waypoints[i]), self.waypoints.get(after)) {
+        match self.around(time) {
             (Some(before), Some(after)) => {
                 let fraction = (time - before.time) / (after.time - before.time);
                 before.position + (after.position - before.position) * fraction
@@ -169,6 +168,20 @@ impl TipPath {
             (None, Some(only)) => only.position,
             (None, None) => unreachable!("a path has at least one waypoint"),
         }
+    }
+
+    /// Its velocity, m/s; at a waypoint, the one after it.
+    pub fn velocity_at(&self, time: f64) -> Vec3 {
+        match self.around(time) {
+            (Some(before), Some(after)) => (after.position - before.position) / (after.time - before.time),
+            _ => Vec3::zeros(),
+        }
+    }
+
+    /// The last waypoint not after a time, and the first after it.
+    fn around(&self, time: f64) -> (Option<&Waypoint>, Option<&Waypoint>) {
+        let after = self.waypoints.partition_point(|waypoint| waypoint.time <= time);
+        (after.checked_sub(1).map(|i| &self.waypoints[i]), self.waypoints.get(after))
     }
 
     /// The same path elsewhere, and so many times slower.
@@ -200,6 +213,9 @@ mod tests {
         let path = TipPath::new(vec![waypoint(1.0, 0.0), waypoint(3.0, 4.0), waypoint(4.0, 4.0)]).unwrap();
         for (time, x) in [(0.0, 0.0), (1.0, 0.0), (1.5, 1.0), (3.0, 4.0), (3.5, 4.0), (9.0, 4.0)] {
             assert_eq!(path.at(time).x, x, "at {time} s");
+        }
+        for (time, speed) in [(0.0, 0.0), (1.0, 2.0), (2.9, 2.0), (3.0, 0.0), (9.0, 0.0)] {
+            assert_eq!(path.velocity_at(time).x, speed, "at {time} s");
         }
         assert_eq!(path.top_speed(), 2.0);
     }

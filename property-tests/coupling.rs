@@ -1,0 +1,216 @@
+//! What stands between contact and device: passivity control, smoothing, a virtual coupling.
+
+use nalgebra::Matrix2;
+use proptest::prelude::*;
+use stickslip::Vec3;
+use stickslip::device::coupling::{
+    CouplingError, CouplingSettings, HandOverSmoothing, PassivityController, VirtualCoupling,
+};
+use stickslip::device::instrument::{TipPath, Waypoint};
+use stickslip::device::phantom::{Phantom, PhantomSettings};
+
+use crate::check::{Worst, runner};
+
+const TICK: f64 = 1e-3;
+
+fn vector(bound: f64) -> impl Strategy<Value = Vec3> {
+    prop::array::uniform3(-bound..bound).prop_map(Vec3::from)
+}
+
+fn coupling() -> impl Strategy<Value = CouplingSettings> {
+    // From 1.05 times the least mass on.
+    (10.0..5000.0f64, 0.0..50.0f64, 1.05..20.0f64).prop_map(|(stiffness, damping, times)| {
+        let least = 0.25 * TICK * (TICK * stiffness + 2.0 * damping);
+        CouplingSettings { stiffness, damping, mass: times * least }
+    })
+}
+
+/// What a wall gave out of nothing, at most, J.
+struct GivenOut {
+    /// By commanded forces over the motion that they answered, which is what the controller counts.
+    counted: f64,
+    /// By the forces that the motors held over the motion of the tick after.
+    held: f64,
+}
+
+/// The device pressed for a second into a wall of 2 N/mm that answers 5 ticks late.
+fn press_into_late_wall(mut controller: Option<PassivityController>) -> GivenOut {
+    let waypoints = [(0.0, 0.002), (0.3, -0.02)].map(|(time, height)| Waypoint { time, position: Vec3::z() * height });
+    let path = TipPath::new(waypoints.to_vec()).expect("ascending");
+    let mut phantom = Phantom::new(PhantomSettings::default(), &path, TICK).expect("near home");
+    let mut heights = [0.002; 6];
+    let (mut before, mut applied) = (phantom.measured_tip(), Vec3::zeros());
+    let (mut counted, mut held) = (0.0, 0.0);
+    let mut most = GivenOut { counted: 0.0, held: 0.0 };
+    for tick in 0..1000 {
+        let tip = phantom.advance(f64::from(tick) * TICK).expect("within the workspace");
+        let moved = tip - before;
+        heights.rotate_left(1);
+        heights[5] = tip.z;
+        let mut force = Vec3::z() * (-2000.0 * heights[0]).max(0.0);
+        if let Some(controller) = &mut controller {
+            force = controller.command(&force, &moved);
+            assert!(controller.energy_j() >= 0.0, "{}", controller.energy_j());
+        }
+        counted += force.dot(&moved);
+        held += applied.dot(&moved);
+        most = GivenOut { counted: most.counted.max(counted), held: most.held.max(held) };
+        applied = phantom.command(&force);
+        before = tip;
+    }
+    most
+}
+
+#[test]
+fn passivity_control_keeps_a_late_wall_from_giving_energy() {
+    // Sums of 1000 works of some mJ.
+    let worst = Worst::new("energy", "passivity control at a late wall: energy given out as counted, J", 1e-15);
+    let without = press_into_late_wall(None);
+    let with = press_into_late_wall(Some(PassivityController::default()));
+    println!("RESIDUAL | energy | late wall without control: energy given out, J | > 1e-3 | {:.1e}", without.counted);
+    assert!(without.counted > 1e-3, "the wall is not active: {}", without.counted);
+    worst.check(with.counted);
+    // A force is held over the motion after the one that it was counted with: what a controller cannot foresee.
+    let share = Worst::new("energy", "late wall: energy given out by held forces, with control over without", 0.02);
+    share.check(with.held / without.held);
+}
+
+#[test]
+fn passivity_control_takes_no_more_than_the_force_along_the_motion() {
+    let balance = Worst::new("energy", "passivity control, random: energy given out, relative", 1e-12);
+    let bound = Worst::new("algebra", "passivity control: correction beyond the force, relative", 1e-12);
+    let steps = prop::collection::vec((vector(5.0), vector(1e-3)), 200);
+    let corrected = std::cell::Cell::new([0; 2]);
+    let result = runner(100).run(&steps, |steps| {
+        let mut controller = PassivityController::default();
+        let (mut energy, mut throughput) = (0.0, 0.0);
+        for (force, displacement) in steps {
+            let is_enough = controller.energy_j() - force.dot(&displacement) >= 0.0;
+            let commanded = controller.command(&force, &displacement);
+            prop_assert!(controller.energy_j() >= 0.0);
+            prop_assert_eq!(is_enough, commanded == force);
+            bound.case(((commanded - force).norm() / force.norm() - 1.0).max(0.0))?;
+            energy -= commanded.dot(&displacement);
+            throughput += force.dot(&displacement).abs();
+            balance.case((-energy / throughput).max(0.0))?;
+            balance.case((energy - controller.energy_j()).abs() / throughput)?;
+            corrected.set([corrected.get()[0] + u32::from(!is_enough), corrected.get()[1] + u32::from(is_enough)]);
+        }
+        Ok(())
+    });
+    result.unwrap_or_else(|error| panic!("{error}"));
+    assert!(corrected.get().iter().all(|&count| count > 1000), "{corrected:?}");
+    // At rest and under what is not a number it leaves forces alone and keeps its account.
+    let mut controller = PassivityController::default();
+    assert_eq!(controller.command(&Vec3::x(), &Vec3::zeros()), Vec3::x());
+    assert!(controller.command(&Vec3::repeat(f64::NAN), &Vec3::x()).x.is_nan());
+    assert_eq!(controller.energy_j(), 0.0);
+}
+
+#[test]
+fn smoothing_bounds_the_jump_at_a_hand_over() {
+    let jump = Worst::new("algebra", "smoothing over n ticks: jump over 1/(n + 1) of the raw one, N", 1e-12);
+    let fade = Worst::new("algebra", "smoothing: fade against its formula, N", 1e-12);
+    let cases = (vector(5.0), vector(5.0), vector(5.0), 1..50u32, 0..50u32);
+    let result = runner(500).run(&cases, |(first, second, third, ticks, until_next)| {
+        let mut smoothing = HandOverSmoothing::new(ticks);
+        // The first of all starts from no force.
+        let begun = smoothing.command(&first, true);
+        fade.case((begun - first / f64::from(ticks + 1)).norm())?;
+        for _ in 0..ticks {
+            smoothing.command(&first, false);
+        }
+        let mut before = smoothing.command(&first, false);
+        prop_assert_eq!(before, first);
+        // The second hand-over may fall into the fade of the first.
+        for (force, length) in [(second, until_next), (third, ticks + 5)] {
+            let (from, raw) = (before, (force - before).norm());
+            for j in 0..=length {
+                let commanded = smoothing.command(&force, j == 0);
+                // Under a constant force each step is as the first.
+                jump.case((commanded - before).norm() - raw / f64::from(ticks + 1))?;
+                let share = (1.0 - f64::from(j + 1) / f64::from(ticks + 1)).max(0.0);
+                fade.case((commanded - force - (from - force) * share).norm())?;
+                before = commanded;
+            }
+        }
+        prop_assert_eq!(before, third);
+        Ok(())
+    });
+    result.unwrap_or_else(|error| panic!("{error}"));
+    let mut none = HandOverSmoothing::new(0);
+    assert_eq!(none.command(&Vec3::x(), false), Vec3::x());
+    assert_eq!(none.command(&Vec3::y(), true), Vec3::y());
+}
+
+#[test]
+fn a_coupling_at_rest_transmits_the_contact_force() {
+    let constant = Worst::new("algebra", "virtual coupling at rest: force against that of contact, relative", 1e-12);
+    let result = runner(200).run(&(vector(5.0), 10.0..5000.0f64, 1.0..50.0f64), |(contact, stiffness, damping)| {
+        // Critically damped or more, and slow against the tick: at rest after 40 of its slowest time constants.
+        let mass = (0.25 * damping * damping / stiffness).max(TICK * (TICK * stiffness + 2.0 * damping));
+        let settings = CouplingSettings { stiffness, damping, mass };
+        let start = Vec3::new(0.01, -0.02, 0.03);
+        let mut coupling = VirtualCoupling::new(settings, TICK, start).expect("heavy enough");
+        let measured = start + Vec3::new(1e-3, 2e-3, -1e-3);
+        let slowest = (2.0 * mass / damping).max(2.0 * damping / stiffness).max(TICK);
+        for _ in 0..(40.0 * slowest / TICK) as u32 + 200 {
+            coupling.advance(&measured, &contact);
+        }
+        constant.case((coupling.force() - contact).norm() / (contact.norm() + stiffness * start.norm()))
+    });
+    result.unwrap_or_else(|error| panic!("{error}"));
+}
+
+/// A wall that the simulated tip leans on: the device feels its spring and the coupling's in series.
+#[test]
+fn a_coupling_softens_a_wall_in_series() {
+    let worst = Worst::new("algebra", "virtual coupling at a wall of 800 N/m: force, relative", 1e-12);
+    let settings = CouplingSettings { stiffness: 500.0, damping: 5.0, mass: 0.05 };
+    let mut coupling = VirtualCoupling::new(settings, TICK, Vec3::zeros()).expect("heavy enough");
+    let measured = Vec3::z() * -0.004;
+    let mut contact = Vec3::zeros();
+    for _ in 0..5000 {
+        let tip = coupling.advance(&measured, &contact);
+        contact = Vec3::z() * (-800.0 * tip.z).max(0.0);
+    }
+    let expected = 0.004 / (1.0 / 500.0 + 1.0 / 800.0);
+    worst.check((coupling.force() - Vec3::z() * expected).norm() / expected);
+}
+
+/// One tick of x and v about a measured tip at rest, as a matrix.
+#[test]
+fn couplings_are_refused_from_where_their_step_is_unstable() {
+    let result = runner(500).run(&coupling(), |settings| {
+        let CouplingSettings { stiffness: k, damping: b, mass } = settings;
+        let least = 0.25 * TICK * (TICK * k + 2.0 * b);
+        let radius = |mass: f64| {
+            let (by_x, by_v) = (-TICK * k / mass, 1.0 - TICK * b / mass);
+            let step = Matrix2::new(1.0 + TICK * by_x, TICK * by_v, by_x, by_v);
+            step.complex_eigenvalues().iter().map(|value| value.norm()).fold(0.0, f64::max)
+        };
+        prop_assert!(settings.check(TICK).is_ok() && radius(mass) <= 1.0 + 1e-9);
+        let light = CouplingSettings { mass: 0.99 * least, ..settings };
+        let least_mass = CouplingError::TooLight { mass: light.mass, least };
+        prop_assert!(light.check(TICK) == Err(least_mass) && radius(light.mass) > 1.0, "{}", least);
+        // The code itself, kicked: bounded by what the kick leaves it.
+        let mut coupling = VirtualCoupling::new(settings, TICK, Vec3::zeros()).expect("stable");
+        coupling.advance(&Vec3::zeros(), &(Vec3::x() * (mass / TICK)));
+        let mut farthest = 0.0_f64;
+        for _ in 0..2000 {
+            farthest = farthest.max(coupling.advance(&Vec3::zeros(), &Vec3::zeros()).norm());
+        }
+        prop_assert!(farthest <= 100.0 * (TICK + (mass / k).sqrt()), "{}", farthest);
+        Ok(())
+    });
+    result.unwrap_or_else(|error| panic!("{error}"));
+    for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let good = CouplingSettings { stiffness: 500.0, damping: 5.0, mass: 0.05 };
+        let bads = [CouplingSettings { stiffness: bad, ..good }, CouplingSettings { mass: bad, ..good }];
+        for settings in bads {
+            assert!(matches!(settings.check(TICK), Err(CouplingError::Setting { .. })), "{settings:?}");
+        }
+        assert!(good.check(bad).is_err());
+        assert!(bad == 0.0 || CouplingSettings { damping: bad, ..good }.check(TICK).is_err());
+    }
+}

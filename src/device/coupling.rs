@@ -1,0 +1,177 @@
+//! What may stand between contact and device, each by itself: smoothing of forces at hand-overs, a virtual coupling,
+//! and passivity control, in this order from contact to device.
+
+use thiserror::Error;
+
+use crate::Vec3;
+
+/// What is wrong with a virtual coupling.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum CouplingError {
+    /// A parameter is out of range.
+    #[error("the virtual coupling's {name} = {value} must be {needs}")]
+    Setting {
+        /// Which.
+        name: &'static str,
+        /// What it is.
+        value: f64,
+        /// What it has to be.
+        needs: &'static str,
+    },
+    /// Its own step is unstable: h²k/m + 2hb/m has to be less than 4.
+    #[error(
+        "the virtual coupling swings up by itself: its mass of {mass} kg has to be more than (h²k + 2hb)/4 = {least} kg"
+    )]
+    TooLight {
+        /// What it is.
+        mass: f64,
+        /// What it has to exceed, kg.
+        least: f64,
+    },
+}
+
+/// A spring and damper between the measured tip and a simulated one that has a mass.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CouplingSettings {
+    /// k, N/m.
+    pub stiffness: f64,
+    /// b, N·s/m.
+    pub damping: f64,
+    /// m of the simulated tip, kg.
+    pub mass: f64,
+}
+
+impl CouplingSettings {
+    /// Whether they are in range, and stable in ticks of h, s.
+    ///
+    /// # Errors
+    /// With the first that is not.
+    pub fn check(&self, tick: f64) -> Result<(), CouplingError> {
+        let Self { stiffness, damping, mass } = *self;
+        for (name, value) in [("tick (s)", tick), ("stiffness (N/m)", stiffness), ("mass (kg)", mass)] {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(CouplingError::Setting { name, value, needs: "positive and finite" });
+            }
+        }
+        if !(damping >= 0.0 && damping.is_finite()) {
+            let needs = "finite and not negative";
+            return Err(CouplingError::Setting { name: "damping (N·s/m)", value: damping, needs });
+        }
+        let least = 0.25 * tick * (tick * stiffness + 2.0 * damping);
+        if !(mass > least) {
+            return Err(CouplingError::TooLight { mass, least });
+        }
+        Ok(())
+    }
+}
+
+/// J. E. Colgate, M. C. Stanley, J. M. Brown, *Issues in the haptic display of tool use*, IROS 1995, with a mass for
+/// the simulated tip, since contact answers a motion with a force.
+#[derive(Debug, Clone)]
+pub struct VirtualCoupling {
+    settings: CouplingSettings,
+    tick: f64,
+    tip: Vec3,
+    velocity: Vec3,
+    measured: Vec3,
+    measured_velocity: Vec3,
+}
+
+impl VirtualCoupling {
+    /// At rest at the measured tip, m, for ticks of h, s.
+    ///
+    /// # Errors
+    /// As [`CouplingSettings::check`].
+    pub fn new(settings: CouplingSettings, tick: f64, measured: Vec3) -> Result<Self, CouplingError> {
+        settings.check(tick)?;
+        let zero = Vec3::zeros();
+        Ok(Self { settings, tick, tip: measured, velocity: zero, measured, measured_velocity: zero })
+    }
+
+    /// A semi-implicit step of the simulated tip under the spring and the contact force of the last tick, N: where
+    /// contact is to look for it, m.
+    pub fn advance(&mut self, measured: &Vec3, contact_force: &Vec3) -> Vec3 {
+        self.measured_velocity = (measured - self.measured) / self.tick;
+        self.measured = *measured;
+        self.velocity += (contact_force - self.force()) * (self.tick / self.settings.mass);
+        self.tip += self.velocity * self.tick;
+        self.tip
+    }
+
+    /// The force on the device, −(k(q − x) + b(q̇ − ẋ)) with q measured and x simulated, N.
+    pub fn force(&self) -> Vec3 {
+        let CouplingSettings { stiffness, damping, .. } = self.settings;
+        (self.tip - self.measured) * stiffness + (self.velocity - self.measured_velocity) * damping
+    }
+}
+
+/// Time-domain passivity control in impedance causality: B. Hannaford, J.-H. Ryu, *Time-domain passivity control of
+/// haptic interfaces*, IEEE Transactions on Robotics and Automation 18(1), 2002. A damper takes up what the simulation
+/// would give out beyond what it took in. A force is counted with the motion it answers, while motors hold it over the
+/// next: what they do in between is not in the account.
+#[derive(Debug, Clone, Default)]
+pub struct PassivityController {
+    energy: f64,
+}
+
+impl PassivityController {
+    /// The force to command, N, where the measured tip has moved by Δq in the tick, m. The energy goes up by −f·Δq;
+    /// what is then missing is taken out by f − αv, α = −E/(h|v|²), v = Δq/h, which is f + EΔq/|Δq|² whatever h. It is
+    /// a part of f along Δq, if E was not negative before. A force that is not finite is left to what limits the
+    /// device.
+    pub fn command(&mut self, force: &Vec3, displacement: &Vec3) -> Vec3 {
+        let work = force.dot(displacement);
+        if !work.is_finite() {
+            return *force;
+        }
+        self.energy -= work;
+        let square = displacement.norm_squared();
+        if !(self.energy < 0.0 && square > 0.0) {
+            return *force;
+        }
+        let correction = displacement * (self.energy / square);
+        self.energy = 0.0;
+        force + correction
+    }
+
+    /// E_o: energy that the simulation has taken in and not given back, J.
+    pub fn energy_j(&self) -> f64 {
+        self.energy
+    }
+}
+
+/// Spreads the jump of the force at a hand-over over n ticks, linearly.
+#[derive(Debug, Clone)]
+pub struct HandOverSmoothing {
+    ticks: u32,
+    /// Of the fade, still to come.
+    left: u32,
+    /// Force before less force after the hand-over, N.
+    difference: Vec3,
+    last: Vec3,
+}
+
+impl HandOverSmoothing {
+    /// Over so many ticks; 0 leaves forces as they are.
+    pub fn new(ticks: u32) -> Self {
+        Self { ticks, left: 0, difference: Vec3::zeros(), last: Vec3::zeros() }
+    }
+
+    /// The force to command in the place of one, N, that is the first of a new model or not. In tick j = 0 … n − 1 from
+    /// there it is f + (f_before − f_first)(1 − (j + 1)/(n + 1)), f_before as commanded, so that a hand-over during a
+    /// fade starts from what is felt.
+    pub fn command(&mut self, force: &Vec3, is_first_of_model: bool) -> Vec3 {
+        if is_first_of_model {
+            self.left = self.ticks;
+            self.difference = self.last - force;
+        }
+        if self.left == 0 {
+            self.last = *force;
+            return *force;
+        }
+        let share = f64::from(self.left) / (f64::from(self.ticks) + 1.0);
+        self.left -= 1;
+        self.last = force + self.difference * share;
+        self.last
+    }
+}

@@ -1,0 +1,94 @@
+//! From a force to the currents that motors get, and from joint angles to what encoders tell.
+
+use std::f64::consts::TAU;
+
+use super::kinematics::jacobian;
+use crate::Vec3;
+
+/// Steps of a current command from −limit to +limit: 16 bits. Assumed.
+const CURRENT_STEPS: f64 = 65_536.0;
+
+/// Motors, gears, encoders and limits.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ActuationSettings {
+    /// Torque of a motor per current, N·m/A: Maxon RE 25, 118743.
+    pub torque_constant: f64,
+    /// Turns of a motor per turn of its joint.
+    pub capstan_ratio: Vec3,
+    /// Largest current of a motor, A: where it stalls at 24 V.
+    pub current_limit: f64,
+    /// Bandwidth of the amplifiers, a first-order lag, Hz. Assumed.
+    pub amplifier_bandwidth: f64,
+    /// Encoder counts per turn of a motor: 1024 lines, four edges each.
+    pub encoder_counts: f64,
+    /// Largest force commanded, N: the device's published maximum.
+    pub force_limit: f64,
+    /// Force that the device is published to sustain, N.
+    pub continuous_force: f64,
+    /// Time constant of the mean force that is held against `continuous_force`, s. Assumed.
+    pub thermal_time: f64,
+}
+
+impl Default for ActuationSettings {
+    fn default() -> Self {
+        Self {
+            torque_constant: 0.0234,
+            capstan_ratio: Vec3::new(13.3, 11.2, 11.2),
+            current_limit: 5.5,
+            amplifier_bandwidth: 1000.0,
+            encoder_counts: 4096.0,
+            force_limit: 8.5,
+            continuous_force: 1.4,
+            thermal_time: 10.0,
+        }
+    }
+}
+
+/// Currents that stand for a force.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CurrentCommand {
+    /// What the amplifiers get, A.
+    pub current: Vec3,
+    /// Whether a limit has changed more than the last step of it, or the force was not finite.
+    pub is_limited: bool,
+}
+
+impl ActuationSettings {
+    /// Motor torques at the joints, N·m, for currents in A.
+    pub fn torque(&self, current: &Vec3) -> Vec3 {
+        self.capstan_ratio.component_mul(current) * self.torque_constant
+    }
+
+    /// The current between two neighbouring commands, A.
+    pub fn current_step(&self) -> f64 {
+        2.0 * self.current_limit / CURRENT_STEPS
+    }
+
+    /// The command for a force at the tip (device axes, N): scaled to the force limit, turned to torques by Jᵀ, clamped
+    /// to the current limit, rounded to a step. A force that is not finite becomes no current at all.
+    pub fn command(&self, angles: &Vec3, force: &Vec3) -> CurrentCommand {
+        let magnitude = force.norm();
+        if !magnitude.is_finite() {
+            return CurrentCommand { current: Vec3::zeros(), is_limited: true };
+        }
+        let is_too_strong = magnitude > self.force_limit;
+        let force = if is_too_strong { force * (self.force_limit / magnitude) } else { *force };
+        let wanted = (jacobian(angles).tr_mul(&force) / self.torque_constant).component_div(&self.capstan_ratio);
+        let step = self.current_step();
+        let half = CURRENT_STEPS / 2.0;
+        // The largest positive command is one step below the limit, as in two's complement.
+        let current = wanted.map(|current| (current / step).round().clamp(-half, half - 1.0) * step);
+        CurrentCommand { current, is_limited: is_too_strong || wanted.amax() > self.current_limit }
+    }
+
+    /// The joint angles that the encoders tell, rad: the nearest whole counts.
+    pub fn encode(&self, angles: &Vec3) -> Vec3 {
+        let counts_per_rad = self.capstan_ratio * (self.encoder_counts / TAU);
+        angles.zip_map(&counts_per_rad, |angle, counts| (angle * counts).round() / counts)
+    }
+
+    /// ω of the amplifiers' lag i̇ = ω(i_commanded − i), 1/s.
+    pub(super) fn amplifier_rate(&self) -> f64 {
+        TAU * self.amplifier_bandwidth
+    }
+}

@@ -1,0 +1,103 @@
+//! M(θ)θ̈ + C(θ, θ̇)θ̇ + N(θ) = τ: how the joints of a PHANTOM Premium 1.5 answer torques.
+//!
+//! M and N with the identified π₁…π₈: Çavuşoğlu, Feygin, Tendick 2002 (see [`kinematics`](super::kinematics)). C is
+//! made of the Christoffel symbols of M, so that Ṁ − 2C is skew-symmetric and the motion without friction keeps its
+//! energy. This makes C₃₂ = ∂M₂₃/∂θ₂ θ̇₂ = −½π₄cos(θ₂ − θ₃)θ̇₂, which some printings give with a +.
+
+use crate::{Mat3, Vec3};
+
+/// π₁…π₆, kg·m².
+const INERTIA: [f64; 6] = [2.8328e-3, 1.1319e-3, -0.3912e-3, 0.9123e-3, 2.4264e-3, 0.9319e-3];
+/// π₇ and π₈, N·m.
+const GRAVITY: [f64; 2] = [-0.01630, -0.07376];
+/// No pose has an eigenvalue of M below this, kg·m²: M₁₁ is at least π₁ − π₂ − |π₃| − π₄, and the block of θ₂ and θ₃
+/// with |M₂₃| = ½π₄ has 0.80e-3.
+pub(super) const LEAST_INERTIA: f64 = INERTIA[0] - INERTIA[1] + INERTIA[2] - INERTIA[3];
+
+/// What is assumed of the joints beyond the identified model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointSettings {
+    /// Viscous damping of each joint, N·m·s/rad. Assumed.
+    pub damping: Vec3,
+    /// Coulomb friction of each joint, N·m. The default is the device's published backdrive friction of 0.04 N at the
+    /// tip, at home.
+    pub friction: Vec3,
+    /// Friction is τ_c tanh(θ̇/ω): the speed ω over which it turns, rad/s. Assumed.
+    pub friction_speed: f64,
+    /// Inertia of the rotors seen from the joints, kg·m²: what is to be added to M's diagonal. None by default: the
+    /// identified M is taken to contain it.
+    pub rotor_inertia: Vec3,
+}
+
+impl Default for JointSettings {
+    fn default() -> Self {
+        Self {
+            damping: Vec3::repeat(5e-4),
+            friction: Vec3::new(8.6e-3, 8.6e-3, 6.8e-3),
+            friction_speed: 0.01,
+            rotor_inertia: Vec3::zeros(),
+        }
+    }
+}
+
+impl JointSettings {
+    /// M, kg·m².
+    pub fn inertia(&self, angles: &Vec3) -> Mat3 {
+        let [p1, p2, p3, p4, p5, p6] = INERTIA;
+        let (t2, t3) = (angles.y, angles.z);
+        let turn = p1 + p2 * (2.0 * t2).cos() + p3 * (2.0 * t3).cos() + p4 * t2.cos() * t3.sin();
+        let between = -0.5 * p4 * (t2 - t3).sin();
+        Mat3::new(turn, 0.0, 0.0, 0.0, p5, between, 0.0, between, p6) + Mat3::from_diagonal(&self.rotor_inertia)
+    }
+
+    /// θ̈, rad/s², under a torque (N·m) in addition to those of motion, gravity and friction.
+    pub fn acceleration(&self, angles: &Vec3, rates: &Vec3, torque: &Vec3) -> Vec3 {
+        let inertia = self.inertia(angles);
+        let sum = torque - coriolis(angles, rates) * rates - gravity(angles) - self.resistance(rates);
+        let (upper, fore, between) = (inertia[(1, 1)], inertia[(2, 2)], inertia[(1, 2)]);
+        let determinant = upper * fore - between * between;
+        Vec3::new(
+            sum.x / inertia[(0, 0)],
+            (fore * sum.y - between * sum.z) / determinant,
+            (upper * sum.z - between * sum.y) / determinant,
+        )
+    }
+
+    /// What damping and friction take, Bθ̇ + τ_c tanh(θ̇/ω), N·m.
+    pub fn resistance(&self, rates: &Vec3) -> Vec3 {
+        let friction = rates.map(|rate| (rate / self.friction_speed).tanh());
+        self.damping.component_mul(rates) + self.friction.component_mul(&friction)
+    }
+
+    /// ½θ̇ᵀMθ̇ plus the potential of N, π₇s₂ − π₈c₃, J.
+    pub fn energy(&self, angles: &Vec3, rates: &Vec3) -> f64 {
+        let potential = GRAVITY[0] * angles.y.sin() - GRAVITY[1] * angles.z.cos();
+        0.5 * rates.dot(&(self.inertia(angles) * rates)) + potential
+    }
+}
+
+/// C, N·m·s/rad.
+pub fn coriolis(angles: &Vec3, rates: &Vec3) -> Mat3 {
+    let [_, p2, p3, p4, _, _] = INERTIA;
+    let (t2, t3) = (angles.y, angles.z);
+    // ½∂M₁₁/∂θ₂, ½∂M₁₁/∂θ₃ and ∂M₂₃/∂θ₃ = −∂M₂₃/∂θ₂.
+    let by_upper = -p2 * (2.0 * t2).sin() - 0.5 * p4 * t2.sin() * t3.sin();
+    let by_fore = -p3 * (2.0 * t3).sin() + 0.5 * p4 * t2.cos() * t3.cos();
+    let between = 0.5 * p4 * (t2 - t3).cos();
+    Mat3::new(
+        by_upper * rates.y + by_fore * rates.z,
+        by_upper * rates.x,
+        by_fore * rates.x,
+        -by_upper * rates.x,
+        0.0,
+        between * rates.z,
+        -by_fore * rates.x,
+        -between * rates.y,
+        0.0,
+    )
+}
+
+/// N, N·m.
+pub fn gravity(angles: &Vec3) -> Vec3 {
+    Vec3::new(0.0, GRAVITY[0] * angles.y.cos(), GRAVITY[1] * angles.z.sin())
+}

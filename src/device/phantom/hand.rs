@@ -1,0 +1,73 @@
+//! The hand that holds the stylus, in each axis by itself: stylus –(k₁ ‖ b₁)– mass –(k₂ ‖ b₂)– where it wants to be.
+//!
+//! M. J. Fu, M. C. Çavuşoğlu, *Human-arm-and-hand-dynamic model with variability analyses for a stylus-based haptic
+//! interface*, IEEE Transactions on Systems, Man, and Cybernetics B 42(6), 2012; measured on this device, pen grip.
+
+use crate::Vec3;
+
+/// Parameters in device axes: x left to right, y up, z fore and aft.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HandSettings {
+    /// Mass, kg.
+    pub mass: Vec3,
+    /// k₁, of the grip, N/m.
+    pub grip_stiffness: Vec3,
+    /// b₁, of the grip, N·s/m.
+    pub grip_damping: Vec3,
+    /// k₂, of the arm, N/m.
+    pub arm_stiffness: Vec3,
+    /// b₂, of the arm, N·s/m.
+    pub arm_damping: Vec3,
+}
+
+impl Default for HandSettings {
+    fn default() -> Self {
+        Self {
+            mass: Vec3::new(0.218, 0.269, 0.204),
+            grip_stiffness: Vec3::new(379.5, 552.4, 769.9),
+            grip_damping: Vec3::new(1.839, 3.609, 0.776),
+            arm_stiffness: Vec3::new(78.75, 105.3, 271.7),
+            arm_damping: Vec3::new(4.645, 6.430, 18.06),
+        }
+    }
+}
+
+/// A point that moves: m and m/s.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moving {
+    /// m.
+    pub position: Vec3,
+    /// m/s.
+    pub velocity: Vec3,
+}
+
+impl HandSettings {
+    /// What the hand exerts on the stylus, k₁(X − p) + b₁(Ẋ − ṗ), N.
+    pub fn grip_force(&self, hand: &Moving, stylus: &Moving) -> Vec3 {
+        pull(&self.grip_stiffness, &self.grip_damping, hand, stylus)
+    }
+
+    /// What the arm exerts on the hand's mass, k₂(X_t − X) + b₂(Ẋ_t − Ẋ), N.
+    pub fn arm_force(&self, target: &Moving, hand: &Moving) -> Vec3 {
+        pull(&self.arm_stiffness, &self.arm_damping, target, hand)
+    }
+
+    /// Energy of mass and springs, J.
+    pub fn energy(&self, target: &Moving, hand: &Moving, stylus: &Moving) -> f64 {
+        let twice = |weights: &Vec3, v: Vec3| weights.dot(&v.component_mul(&v));
+        0.5 * (twice(&self.mass, hand.velocity)
+            + twice(&self.grip_stiffness, hand.position - stylus.position)
+            + twice(&self.arm_stiffness, target.position - hand.position))
+    }
+
+    /// What both dampers take, W.
+    pub fn dissipation(&self, target: &Moving, hand: &Moving, stylus: &Moving) -> f64 {
+        let power = |damping: &Vec3, v: Vec3| damping.dot(&v.component_mul(&v));
+        power(&self.grip_damping, hand.velocity - stylus.velocity)
+            + power(&self.arm_damping, target.velocity - hand.velocity)
+    }
+}
+
+fn pull(stiffness: &Vec3, damping: &Vec3, to: &Moving, from: &Moving) -> Vec3 {
+    stiffness.component_mul(&(to.position - from.position)) + damping.component_mul(&(to.velocity - from.velocity))
+}

@@ -1,0 +1,311 @@
+//! A PHANTOM Premium 1.5 in a user's hand, as a model: a force that is commanded goes through limits, quantised
+//! currents and amplifiers to the joints, the hand and the joints move each other, and encoders tell where the tip is.
+//!
+//! Tick k runs from kh to (k + 1)h: the plant moves under the command of the tick before, held constant
+//! ([`Phantom::advance`]), the tip is measured at the tick's end, and the simulation answers with the next force
+//! ([`Phantom::command`]). Gravity of the links is not compensated by the motors.
+
+pub mod actuation;
+pub mod dynamics;
+pub mod hand;
+pub mod kinematics;
+pub mod plant;
+
+use thiserror::Error;
+
+use self::actuation::ActuationSettings;
+use self::dynamics::{JointSettings, LEAST_INERTIA};
+use self::hand::HandSettings;
+use self::kinematics::{FORE_LINK, PoseError, UPPER_LINK};
+use self::plant::{Plant, PlantState};
+use super::instrument::TipPath;
+use crate::{Mat3, Vec3};
+
+/// The largest rate times substep. RK4 is stable up to 2.78 on the real axis and 2.82 on the imaginary one.
+const STEP_LIMIT: f64 = 2.5;
+/// How far a rotation may be from orthogonal: numbers written with ten digits are fine.
+const ROTATION_TOLERANCE: f64 = 1e-9;
+
+/// Where the scene is in the device: device = rotation · scene + offset.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Axes {
+    /// Scene directions in device axes. By default the scene's z is up, which is the device's y.
+    pub rotation: Mat3,
+    /// The scene's origin in device axes, m.
+    pub offset: Vec3,
+}
+
+impl Default for Axes {
+    fn default() -> Self {
+        Self { rotation: Mat3::new(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0), offset: Vec3::zeros() }
+    }
+}
+
+impl Axes {
+    fn point_to_device(&self, point: &Vec3) -> Vec3 {
+        self.rotation * point + self.offset
+    }
+
+    fn point_to_scene(&self, point: &Vec3) -> Vec3 {
+        self.rotation.tr_mul(&(point - self.offset))
+    }
+}
+
+/// Everything that can be chosen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PhantomSettings {
+    /// Scene and device.
+    pub axes: Axes,
+    /// Friction, damping, rotors.
+    pub joints: JointSettings,
+    /// Motors, encoders, limits.
+    pub actuation: ActuationSettings,
+    /// The user's hand.
+    pub hand: HandSettings,
+    /// Integration steps per tick.
+    pub substeps: u32,
+}
+
+impl Default for PhantomSettings {
+    fn default() -> Self {
+        Self {
+            axes: Axes::default(),
+            joints: JointSettings::default(),
+            actuation: ActuationSettings::default(),
+            hand: HandSettings::default(),
+            substeps: 10,
+        }
+    }
+}
+
+/// What is wrong with a device, or went wrong in it.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum DeviceError {
+    /// A parameter is out of range.
+    #[error("{name} = {value} must be {needs}")]
+    Setting {
+        /// Which.
+        name: &'static str,
+        /// What it is.
+        value: f64,
+        /// What it has to be.
+        needs: &'static str,
+    },
+    /// The axes are not a rotation.
+    #[error(
+        "the axes' rotation is not one: its columns are not of length 1 and at right angles, or it mirrors (off by \
+         {deviation:e})"
+    )]
+    Rotation {
+        /// Largest entry of RᵀR − 1, or of det R − 1.
+        deviation: f64,
+    },
+    /// A tick has too few substeps for the fastest motion.
+    #[error("{substeps} substeps of a tick of {tick_s} s are too few for rates of up to {rate:.0} 1/s: take {least}")]
+    Substeps {
+        /// How many there are.
+        substeps: u32,
+        /// h, s.
+        tick_s: f64,
+        /// An upper bound of all rates, 1/s.
+        rate: f64,
+        /// How many there have to be at least.
+        least: f64,
+    },
+    /// The device cannot be in the pose that it was led to.
+    #[error("at {time_s} s: {cause}; keep the hand's path inside the device's workspace, or move it with an offset")]
+    Pose {
+        /// When, s.
+        time_s: f64,
+        /// Why not.
+        cause: PoseError,
+    },
+    /// The motion has left all bounds.
+    #[error("at {time_s} s: the state of the device is not finite")]
+    NotFinite {
+        /// When, s.
+        time_s: f64,
+    },
+}
+
+impl PhantomSettings {
+    /// Whether every parameter is in range and a tick, s, has substeps enough.
+    ///
+    /// # Errors
+    /// With the first that is not.
+    pub fn check(&self, tick: f64) -> Result<(), DeviceError> {
+        let Self { axes, joints, actuation, hand, substeps } = self;
+        let positive = [
+            ("the tick (s)", Vec3::repeat(tick)),
+            ("the friction speed (rad/s)", Vec3::repeat(joints.friction_speed)),
+            ("the torque constant (N·m/A)", Vec3::repeat(actuation.torque_constant)),
+            ("a capstan ratio", actuation.capstan_ratio),
+            ("the current limit (A)", Vec3::repeat(actuation.current_limit)),
+            ("the amplifier bandwidth (Hz)", Vec3::repeat(actuation.amplifier_bandwidth)),
+            ("the encoder counts", Vec3::repeat(actuation.encoder_counts)),
+            ("the force limit (N)", Vec3::repeat(actuation.force_limit)),
+            ("the continuous force (N)", Vec3::repeat(actuation.continuous_force)),
+            ("the thermal time (s)", Vec3::repeat(actuation.thermal_time)),
+            ("the hand's mass (kg)", hand.mass),
+        ];
+        let not_negative = [
+            ("a joint's damping (N·m·s/rad)", joints.damping),
+            ("a joint's friction (N·m)", joints.friction),
+            ("a rotor's inertia (kg·m²)", joints.rotor_inertia),
+            ("the grip's stiffness (N/m)", hand.grip_stiffness),
+            ("the grip's damping (N·s/m)", hand.grip_damping),
+            ("the arm's stiffness (N/m)", hand.arm_stiffness),
+            ("the arm's damping (N·s/m)", hand.arm_damping),
+        ];
+        for (name, values) in positive {
+            require(name, &values, "positive and finite", |value| value > 0.0)?;
+        }
+        for (name, values) in not_negative {
+            require(name, &values, "finite and not negative", |value| value >= 0.0)?;
+        }
+        require("the scene's offset (m)", &axes.offset, "finite", |_| true)?;
+        let determinant_off = (axes.rotation.determinant() - 1.0).abs();
+        let deviation = (axes.rotation.tr_mul(&axes.rotation) - Mat3::identity()).amax().max(determinant_off);
+        if !(deviation <= ROTATION_TOLERANCE && axes.rotation.iter().all(|entry| entry.is_finite())) {
+            return Err(DeviceError::Rotation { deviation });
+        }
+        let rate = self.rate_bound();
+        let least = (rate * tick / STEP_LIMIT).ceil();
+        if !(f64::from(*substeps) >= least && *substeps > 0) {
+            return Err(DeviceError::Substeps { substeps: *substeps, tick_s: tick, rate, least });
+        }
+        Ok(())
+    }
+
+    /// No motion near rest is faster, 1/s: of ẍ = −(K/m)x − (D/m)ẋ none is faster than √(K/m) + D/m. A generous bound:
+    /// it takes the least inertia of any pose, and the stretched links for the lever of the grip.
+    fn rate_bound(&self) -> f64 {
+        let Self { joints, actuation, hand, .. } = self;
+        let rate = |stiffness: f64, damping: f64, mass: f64| (stiffness / mass).sqrt() + damping / mass;
+        let lever = (UPPER_LINK + FORE_LINK).powi(2);
+        let joint_damping = (joints.damping + joints.friction / joints.friction_speed).amax();
+        let grip_damping = lever * hand.grip_damping.amax();
+        let of_joints = rate(lever * hand.grip_stiffness.amax(), joint_damping + grip_damping, LEAST_INERTIA);
+        let stiffness = hand.grip_stiffness + hand.arm_stiffness;
+        let damping = hand.grip_damping + hand.arm_damping;
+        let of_hand = rate(stiffness.amax(), damping.amax(), hand.mass.amin());
+        actuation.amplifier_rate().max(of_joints).max(of_hand)
+    }
+}
+
+fn require(
+    name: &'static str,
+    values: &Vec3,
+    needs: &'static str,
+    holds: impl Fn(f64) -> bool,
+) -> Result<(), DeviceError> {
+    match values.iter().find(|value| !(value.is_finite() && holds(**value))) {
+        None => Ok(()),
+        Some(&value) => Err(DeviceError::Setting { name, value, needs }),
+    }
+}
+
+/// The device in motion. Positions and forces are in scene axes.
+#[derive(Debug, Clone)]
+pub struct Phantom {
+    plant: Plant,
+    state: PlantState,
+    tick: f64,
+    /// What the encoders told at the end of the last tick, rad.
+    measured: Vec3,
+    /// What the amplifiers get, A.
+    command: Vec3,
+    is_saturated: bool,
+    mean_force: f64,
+}
+
+impl Phantom {
+    /// At rest where the hand's target (scene axes) is at 0 s, with the hand there and no current. Ticks are h long, s.
+    ///
+    /// # Errors
+    /// If a setting is out of range, or the device cannot be there.
+    pub fn new(settings: PhantomSettings, target: &TipPath, tick: f64) -> Result<Self, DeviceError> {
+        settings.check(tick)?;
+        let target = target.transformed(1.0, |point| settings.axes.point_to_device(&point));
+        let angles = kinematics::inverse(&target.at(0.0)).map_err(|cause| DeviceError::Pose { time_s: 0.0, cause })?;
+        Ok(Self {
+            measured: settings.actuation.encode(&angles),
+            plant: Plant { settings, target },
+            state: PlantState::at_rest(angles),
+            tick,
+            command: Vec3::zeros(),
+            is_saturated: false,
+            mean_force: 0.0,
+        })
+    }
+
+    /// A tick from a time on, s, under the last command. Gives the tip as measured at its end, m.
+    ///
+    /// # Errors
+    /// If the device comes to where it cannot be. It then stays as it was before the tick.
+    pub fn advance(&mut self, start_time: f64) -> Result<Vec3, DeviceError> {
+        let time_s = start_time + self.tick;
+        let state = self.plant.advance(&self.state, start_time, self.tick, &self.command);
+        if !state.is_finite() {
+            return Err(DeviceError::NotFinite { time_s });
+        }
+        kinematics::check(&state.angles).map_err(|cause| DeviceError::Pose { time_s, cause })?;
+        self.state = state;
+        self.measured = self.settings().actuation.encode(&state.angles);
+        Ok(self.measured_tip())
+    }
+
+    /// Commands a force on the user, N, for the next tick, and gives the one that is left of it after limits and
+    /// quantisation. A force that is not finite is commanded as zero.
+    pub fn command(&mut self, force: &Vec3) -> Vec3 {
+        let Axes { rotation, .. } = self.settings().axes;
+        let actuation = self.settings().actuation;
+        let command = actuation.command(&self.measured, &(rotation * force));
+        self.command = command.current;
+        self.is_saturated = command.is_limited;
+        let applied = kinematics::tip_force(&self.measured, &actuation.torque(&command.current));
+        self.mean_force += (applied.norm() - self.mean_force) * -(-self.tick / actuation.thermal_time).exp_m1();
+        rotation.tr_mul(&applied)
+    }
+
+    /// The tip as the encoders told it at the end of the last tick, m.
+    pub fn measured_tip(&self) -> Vec3 {
+        self.settings().axes.point_to_scene(&kinematics::forward(&self.measured))
+    }
+
+    /// Where the tip is, m.
+    pub fn tip(&self) -> Vec3 {
+        self.settings().axes.point_to_scene(&self.state.stylus().position)
+    }
+
+    /// Energy that the device has delivered to the hand at the stylus since the start, J.
+    pub fn energy_to_hand_j(&self) -> f64 {
+        self.state.flows.to_hand
+    }
+
+    /// Whether a limit has changed the last command.
+    pub fn saturated(&self) -> bool {
+        self.is_saturated
+    }
+
+    /// Mean magnitude of the commanded forces, N, in which those of `thermal_time` ago weigh 1/e as much as those of
+    /// now.
+    pub fn mean_force_n(&self) -> f64 {
+        self.mean_force
+    }
+
+    /// Whether the mean is more than the device can sustain: a warning, nothing is limited by it.
+    pub fn overheats(&self) -> bool {
+        self.mean_force > self.settings().actuation.continuous_force
+    }
+
+    /// What it is made of.
+    pub fn settings(&self) -> &PhantomSettings {
+        &self.plant.settings
+    }
+
+    /// Joints, currents and hand, in device axes.
+    pub fn state(&self) -> &PlantState {
+        &self.state
+    }
+}

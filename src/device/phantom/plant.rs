@@ -1,0 +1,143 @@
+//! Device, motors and hand as one system of differential equations, and a tick of it.
+
+use super::PhantomSettings;
+use super::hand::Moving;
+use super::kinematics::{forward, jacobian};
+use crate::Vec3;
+use crate::device::instrument::TipPath;
+
+/// What moves, in device axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlantState {
+    /// θ, rad.
+    pub angles: Vec3,
+    /// θ̇, rad/s.
+    pub rates: Vec3,
+    /// What flows in the motors, A.
+    pub current: Vec3,
+    /// X, the hand, m.
+    pub hand: Vec3,
+    /// Ẋ, m/s.
+    pub hand_velocity: Vec3,
+    /// Where energy went since the start.
+    pub flows: EnergyFlows,
+}
+
+/// Energy that has gone from one to another since the start, J.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct EnergyFlows {
+    /// Work of the device on the hand, at the stylus.
+    pub to_hand: f64,
+    /// Work of the motors on the joints.
+    pub from_motors: f64,
+    /// Work of whoever moves the hand's target.
+    pub from_target: f64,
+    /// What joints, grip and arm took as heat.
+    pub dissipated: f64,
+}
+
+/// Parameters of the system, and the path of the hand's target in device axes.
+#[derive(Debug, Clone)]
+pub struct Plant {
+    /// What it is made of.
+    pub settings: PhantomSettings,
+    /// X_t.
+    pub target: TipPath,
+}
+
+impl PlantState {
+    /// At rest in this pose, with the hand where the tip is.
+    pub fn at_rest(angles: Vec3) -> Self {
+        let zero = Vec3::zeros();
+        let hand = forward(&angles);
+        Self { angles, rates: zero, current: zero, hand, hand_velocity: zero, flows: EnergyFlows::default() }
+    }
+
+    /// p and ṗ = Jθ̇.
+    pub fn stylus(&self) -> Moving {
+        Moving { position: forward(&self.angles), velocity: jacobian(&self.angles) * self.rates }
+    }
+
+    /// Whether no number is NaN or infinite.
+    pub fn is_finite(&self) -> bool {
+        let vectors = [self.angles, self.rates, self.current, self.hand, self.hand_velocity];
+        let EnergyFlows { to_hand, from_motors, from_target, dissipated } = self.flows;
+        vectors.iter().all(|v| v.iter().all(|c| c.is_finite()))
+            && [to_hand, from_motors, from_target, dissipated].iter().all(|c| c.is_finite())
+    }
+
+    fn hand(&self) -> Moving {
+        Moving { position: self.hand, velocity: self.hand_velocity }
+    }
+
+    /// self + h rate, where `rate` holds time derivatives.
+    fn plus(&self, rate: &Self, h: f64) -> Self {
+        Self {
+            angles: self.angles + rate.angles * h,
+            rates: self.rates + rate.rates * h,
+            current: self.current + rate.current * h,
+            hand: self.hand + rate.hand * h,
+            hand_velocity: self.hand_velocity + rate.hand_velocity * h,
+            flows: EnergyFlows {
+                to_hand: self.flows.to_hand + rate.flows.to_hand * h,
+                from_motors: self.flows.from_motors + rate.flows.from_motors * h,
+                from_target: self.flows.from_target + rate.flows.from_target * h,
+                dissipated: self.flows.dissipated + rate.flows.dissipated * h,
+            },
+        }
+    }
+}
+
+impl Plant {
+    /// A tick under a constant current command (A): the classical Runge-Kutta method of order 4 in equal substeps.
+    /// Where the hand's target turns within a substep the velocity is that in its middle.
+    pub fn advance(&self, state: &PlantState, start_time: f64, tick: f64, command: &Vec3) -> PlantState {
+        let h = tick / f64::from(self.settings.substeps);
+        let mut state = *state;
+        for substep in 0..self.settings.substeps {
+            let time = start_time + f64::from(substep) * h;
+            let velocity = self.target.velocity_at(time + 0.5 * h);
+            let [begin, middle, end] =
+                [time, time + 0.5 * h, time + h].map(|t| Moving { position: self.target.at(t), velocity });
+            let k1 = self.derivative(&state, &begin, command);
+            let k2 = self.derivative(&state.plus(&k1, 0.5 * h), &middle, command);
+            let k3 = self.derivative(&state.plus(&k2, 0.5 * h), &middle, command);
+            let k4 = self.derivative(&state.plus(&k3, h), &end, command);
+            state = state.plus(&k1, h / 6.0).plus(&k2, h / 3.0).plus(&k3, h / 3.0).plus(&k4, h / 6.0);
+        }
+        state
+    }
+
+    /// Time derivatives of everything that moves:
+    /// Mθ̈ = τ − Cθ̇ − N − Bθ̇ − τ_c tanh(θ̇/ω) + JᵀF, F of the grip; M_h Ẍ = F_arm − F; i̇ = ω_a(i_commanded − i).
+    fn derivative(&self, state: &PlantState, target: &Moving, command: &Vec3) -> PlantState {
+        let PhantomSettings { joints, actuation, hand: arm, .. } = &self.settings;
+        let (stylus, hand) = (state.stylus(), state.hand());
+        let grip = arm.grip_force(&hand, &stylus);
+        let pull = arm.arm_force(target, &hand);
+        let motors = actuation.torque(&state.current);
+        let torque = motors + jacobian(&state.angles).tr_mul(&grip);
+        let resistance = joints.resistance(&state.rates);
+        PlantState {
+            angles: state.rates,
+            rates: joints.acceleration(&state.angles, &state.rates, &torque),
+            current: (command - state.current) * actuation.amplifier_rate(),
+            hand: state.hand_velocity,
+            hand_velocity: (pull - grip).component_div(&arm.mass),
+            flows: EnergyFlows {
+                to_hand: -grip.dot(&stylus.velocity),
+                from_motors: motors.dot(&state.rates),
+                from_target: pull.dot(&target.velocity),
+                dissipated: resistance.dot(&state.rates) + arm.dissipation(target, &hand, &stylus),
+            },
+        }
+    }
+
+    /// Energy of joints, gravity, hand and springs, J. What it grows by is
+    /// `from_motors` + `from_target` − `dissipated`.
+    pub fn stored_energy(&self, state: &PlantState, time: f64) -> f64 {
+        let target = Moving { position: self.target.at(time), velocity: Vec3::zeros() };
+        let PhantomSettings { joints, hand, .. } = &self.settings;
+        joints.energy(&state.angles, &state.rates) + hand.energy(&target, &state.hand(), &state.stylus())
+    }
+}
