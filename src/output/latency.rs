@@ -54,7 +54,8 @@ fn decades(values: impl Iterator<Item = f64>, deadline_us: f64) -> (f64, f64) {
 }
 
 fn draw_over_time(svg: &mut String, stretches: &[Stretch], deadline_us: f64) -> Drawn {
-    let values = stretches.iter().flat_map(|stretch| [stretch.response_us[0], stretch.response_us[1], stretch.control_us]);
+    let values =
+        stretches.iter().flat_map(|stretch| [stretch.response_us[0], stretch.response_us[1], stretch.control_us]);
     let (bottom, top) = decades(values, deadline_us);
     let end = stretches.last().map_or(1.0, |stretch| stretch.time_s).max(1e-3);
     let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
