@@ -3,6 +3,7 @@
 
 mod accuracy;
 mod check;
+mod closed_loop;
 mod condensation;
 mod contact;
 mod coupling;

@@ -22,12 +22,6 @@ impl WallBounds {
     pub fn passive_n_per_m(&self) -> f64 {
         self.by_damping_n_per_m.min(self.by_friction_n_per_m)
     }
-
-    /// Above it neither of the two helps, N/m. In between, friction takes what damping leaves as long as the tip is
-    /// slow.
-    pub fn hopeless_n_per_m(&self) -> f64 {
-        self.by_damping_n_per_m.max(self.by_friction_n_per_m)
-    }
 }
 
 impl Phantom {
