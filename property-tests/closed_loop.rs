@@ -117,7 +117,7 @@ fn soft_contact_gives_the_hand_nothing() {
     }
 }
 
-/// In stick-slip by hand the tip goes on and waits, and stays in contact once it has met the surface.
+/// Once the tip has met the surface and settled.
 #[test]
 fn drags_by_hand_keep_contact() {
     for name in ["sliding-by-hand", "sticking-by-hand", "stick-slip-by-hand"] {
@@ -168,7 +168,7 @@ fn passivity_control_takes_what_it_counts() {
     // and what motors hold over the next tick is not in it.
     let [without, with] = [false, true].map(|is_controlled| run(&controlled(scene("hard-wall"), is_controlled)));
     assert_eq!(without, with);
-    // A coupling that is too lightly damped does, in ticks.
+    // A coupling that runs in ticks does.
     let [without, with] =
         [false, true].map(|is_controlled| run(&controlled(scene("passivity-control"), is_controlled)));
     assert!(last_energy(&with) < last_energy(&without) - 1e-4, "{} J", last_energy(&with));

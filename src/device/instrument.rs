@@ -29,12 +29,12 @@ pub struct TipPath {
 }
 
 /// What kind of instrument a scene has.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum InstrumentKind {
     /// Its path is the tip's.
     Path,
     /// Its path is what the hand that holds a modelled device aims at.
-    Phantom(CoupledSettings),
+    Phantom(Box<CoupledSettings>),
 }
 
 /// What holds the tip.

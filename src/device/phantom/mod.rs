@@ -12,6 +12,8 @@ pub mod kinematics;
 pub mod plant;
 pub mod wall;
 
+use std::fmt;
+
 use thiserror::Error;
 
 use self::actuation::ActuationSettings;
@@ -24,8 +26,6 @@ use crate::{Mat3, Vec3};
 
 /// The largest rate times substep. RK4 is stable up to 2.78 on the real axis and 2.82 on the imaginary one.
 const STEP_LIMIT: f64 = 2.5;
-/// Beyond this, steps of a current command are no rounding that matters.
-const LARGEST_TORQUE_BITS: u32 = 32;
 /// How far a rotation may be from orthogonal: numbers written with ten digits are fine.
 const ROTATION_TOLERANCE: f64 = 1e-9;
 
@@ -81,6 +81,30 @@ impl Default for PhantomSettings {
     }
 }
 
+/// What a parameter has to be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Needs {
+    /// Above 0.
+    Positive,
+    /// At least 0.
+    NotNegative,
+    /// Not NaN, not infinite.
+    Finite,
+    /// Beyond that many bits, steps are no rounding that matters.
+    AtMost32,
+}
+
+impl fmt::Display for Needs {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Needs::Positive => "positive and finite",
+            Needs::NotNegative => "finite and not negative",
+            Needs::Finite => "finite",
+            Needs::AtMost32 => "at most 32",
+        })
+    }
+}
+
 /// What is wrong with a device, or went wrong in it.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum DeviceError {
@@ -92,7 +116,7 @@ pub enum DeviceError {
         /// What it is.
         value: f64,
         /// What it has to be.
-        needs: &'static str,
+        needs: Needs,
     },
     /// The axes are not a rotation.
     #[error(
@@ -161,21 +185,18 @@ impl PhantomSettings {
             ("the arm's damping (N·s/m)", hand.arm_damping),
         ];
         for (name, values) in positive {
-            require(name, &values, "positive and finite", |value| value > 0.0)?;
+            require(name, &values, Needs::Positive)?;
         }
         for (name, values) in not_negative {
-            require(name, &values, "finite and not negative", |value| value >= 0.0)?;
+            require(name, &values, Needs::NotNegative)?;
         }
-        require("the scene's offset (m)", &axes.offset, "finite", |_| true)?;
+        require("the scene's offset (m)", &axes.offset, Needs::Finite)?;
         let determinant_off = (axes.rotation.determinant() - 1.0).abs();
         let deviation = (axes.rotation.tr_mul(&axes.rotation) - Mat3::identity()).amax().max(determinant_off);
         if !(deviation <= ROTATION_TOLERANCE && axes.rotation.iter().all(|entry| entry.is_finite())) {
             return Err(DeviceError::Rotation { deviation });
         }
-        if actuation.torque_bits > LARGEST_TORQUE_BITS {
-            let (name, value) = ("torque bits", f64::from(actuation.torque_bits));
-            return Err(DeviceError::Setting { name, value, needs: "at most 32" });
-        }
+        require("the torque bits", &Vec3::repeat(f64::from(actuation.torque_bits)), Needs::AtMost32)?;
         let rate = self.rate_bound();
         let least = (rate * tick / STEP_LIMIT).ceil();
         if !(f64::from(*substeps) >= least && *substeps > 0) {
@@ -200,12 +221,13 @@ impl PhantomSettings {
     }
 }
 
-fn require(
-    name: &'static str,
-    values: &Vec3,
-    needs: &'static str,
-    holds: impl Fn(f64) -> bool,
-) -> Result<(), DeviceError> {
+fn require(name: &'static str, values: &Vec3, needs: Needs) -> Result<(), DeviceError> {
+    let holds = |value: f64| match needs {
+        Needs::Positive => value > 0.0,
+        Needs::NotNegative => value >= 0.0,
+        Needs::Finite => true,
+        Needs::AtMost32 => value <= 32.0,
+    };
     match values.iter().find(|value| !(value.is_finite() && holds(**value))) {
         None => Ok(()),
         Some(&value) => Err(DeviceError::Setting { name, value, needs }),

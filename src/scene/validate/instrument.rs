@@ -45,7 +45,7 @@ impl Checker {
             InstrumentName::Phantom => {
                 self.no_effect("instrument.file", file, "`instrument.kind = \"phantom-1.5\"`")?;
                 let path = self.waypoints(table)?;
-                Ok((InstrumentKind::Phantom(self.coupled(table, &path, tick)?), path))
+                Ok((InstrumentKind::Phantom(Box::new(self.coupled(table, &path, tick)?)), path))
             }
         }
     }
