@@ -54,7 +54,8 @@ fn decades(values: impl Iterator<Item = f64>, deadline_us: f64) -> (f64, f64) {
 }
 
 fn draw_over_time(svg: &mut String, stretches: &[Stretch], deadline_us: f64) -> Drawn {
-    let values = stretches.iter().flat_map(|stretch| [stretch.response_us[0], stretch.response_us[1], stretch.control_us]);
+    let values =
+        stretches.iter().flat_map(|stretch| [stretch.response_us[0], stretch.response_us[1], stretch.control_us]);
     let (bottom, top) = decades(values, deadline_us);
     let end = stretches.last().map_or(1.0, |stretch| stretch.time_s).max(1e-3);
     let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
@@ -88,7 +89,12 @@ fn draw_over_time(svg: &mut String, stretches: &[Stretch], deadline_us: f64) -> 
     series(line(|s| s.response_us[0]), TICKS.stroke_width(1), "longest of the stretch")?;
     series(line(|s| s.response_us[1]), TICKS.mix(0.5).stroke_width(2), "mean of the stretch")?;
     series(vec![(0.0, deadline_us), (end, deadline_us)], DEADLINE.stroke_width(2), "deadline")?;
-    chart.configure_series_labels().background_style(WHITE.mix(0.8)).border_style(CONTROL).draw()?;
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::UpperLeft)
+        .background_style(WHITE.mix(0.8))
+        .border_style(CONTROL)
+        .draw()?;
     root.present()?;
     Ok(())
 }
@@ -125,7 +131,12 @@ fn draw_tails(svg: &mut String, servo: &[(f64, f64)], control: &[(f64, f64)], de
     }
     series(drawn(servo), TICKS.stroke_width(2), "the servo loop")?;
     series(vec![(deadline_us, bottom), (deadline_us, 1.0)], DEADLINE.stroke_width(2), "deadline")?;
-    chart.configure_series_labels().background_style(WHITE.mix(0.8)).border_style(CONTROL).draw()?;
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::LowerLeft)
+        .background_style(WHITE.mix(0.8))
+        .border_style(CONTROL)
+        .draw()?;
     root.present()?;
     Ok(())
 }

@@ -147,6 +147,8 @@ pub struct Served {
     pub obtained: Obtained,
     /// Whether it was stopped before its end.
     pub stopped: bool,
+    /// What ended it, if something did.
+    pub fault: Option<Fault>,
 }
 
 /// Runs passes one after the other against the clock. The last of the CPUs that this thread may use is the servo
@@ -198,7 +200,8 @@ pub fn serve(passes: Vec<Pass>, warm_up: Servo, settings: LoopSettings, stop: &A
     });
     os::unlock_memory();
     let (passes, meter, window, obtained, stopped) = served?;
-    Some(Served { passes, meter, window, obtained, stopped })
+    let fault = passes.iter().find_map(|pass| pass.fault);
+    Some(Served { passes, meter, window, obtained, stopped, fault })
 }
 
 fn nanoseconds(seconds: f64) -> u64 {
