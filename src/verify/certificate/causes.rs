@@ -59,9 +59,9 @@ impl Cause {
         causes
     }
 
-    /// Of a miss by itself. CPU time beyond the deadline is enough to miss it. Otherwise the excess over the deadline is
-    /// put down to the largest of release latency, time off the CPU and CPU time beyond the usual (the first of these
-    /// if equal), if that is at least half of the excess. A tick that missed nothing is `Unknown`.
+    /// Of a miss by itself. CPU time beyond the deadline is enough to miss it. Otherwise the excess over the deadline
+    /// is put down to the largest of release latency, time off the CPU and CPU time beyond the usual (the first of
+    /// these if equal), if that is at least half of the excess. A tick that missed nothing is `Unknown`.
     pub fn of(miss: &Missed) -> Self {
         let excess_ns = miss.response_ns.saturating_sub(miss.deadline_ns);
         if excess_ns == 0 {
@@ -115,7 +115,8 @@ pub struct StealSample {
 }
 
 /// Whether the count grew around `[from_ns, to_ns]`: between the last sample not after it begins and the first not
-/// before it ends, or the outermost there are. Samples are in the order of time; without two around it, nothing was seen.
+/// before it ends, or the outermost there are. Samples are in the order of time; without two around it, nothing was
+/// seen.
 pub fn steal_grew(samples: &[StealSample], from_ns: u64, to_ns: u64) -> bool {
     let before = samples.partition_point(|sample| sample.at_ns <= from_ns).saturating_sub(1);
     let after = samples.partition_point(|sample| sample.at_ns < to_ns).min(samples.len().saturating_sub(1));

@@ -131,7 +131,8 @@ pub struct Tests {
     pub independence: Option<Tested>,
     /// That the first half is distributed as the second: Kolmogorov and Smirnov. A drift there and back escapes it.
     pub stationarity: Option<Tested>,
-    /// That the fitted distribution fits: Kolmogorov's distance, against those of samples drawn from it and fitted anew.
+    /// That the fitted distribution fits: Kolmogorov's distance, against those of samples drawn from it and fitted
+    /// anew.
     pub fit: Option<Tested>,
 }
 
