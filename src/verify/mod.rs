@@ -5,6 +5,7 @@
 pub mod accept;
 pub mod accuracy;
 pub mod baseline;
+pub mod certificate;
 pub mod compare;
 pub mod extremes;
 pub mod paired;
