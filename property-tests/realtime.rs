@@ -61,7 +61,7 @@ fn a_run_in_real_time_is_done_again_bit_for_bit() {
 
 #[test]
 fn a_recording_survives_its_file_and_betrays_what_was_changed() {
-    let mut run = recorded(&scene("[timing]\ndeadline = 3e-6\noverrun = \"zero\""));
+    let mut run = recorded(&scene(""));
     let text = serde_json::to_string(&run.session).expect("it can be written");
     let read: Session = serde_json::from_str(&text).expect("and read");
     assert_eq!(again(&read, &read.passes[0]), Replayed::Same);
@@ -82,7 +82,7 @@ fn a_recording_survives_its_file_and_betrays_what_was_changed() {
 
     // A model that never came makes other forces.
     let mut lost = whole.clone();
-    lost.times.arrivals.retain(|arrival| arrival.from != 800);
+    lost.times.arrivals.remove(0);
     assert!(matches!(again(&run.session, &lost), Replayed::Differs { tick: Some(_) }));
 }
 
@@ -200,7 +200,7 @@ fn misses_are_counted_exactly_and_explained_one_by_one() {
         // Released late; the one after it follows from it.
         100 => [1_800_000, 1_805_000, 5_000],
         101 => [1_200_000, 1_205_000, 5_000],
-        // Off the CPU in the middle.
+        // Off the CPU in the middle, though nothing took it away: nobody knows.
         2000 => [20_000, 2_000_000, 6_000],
         _ => quiet(tick),
     };
@@ -209,7 +209,7 @@ fn misses_are_counted_exactly_and_explained_one_by_one() {
     assert_eq!((platform.misses, platform.longest_miss_run, platform.skipped), (3, 2, 0));
     assert_eq!(platform.response_ns.max, 2_000_000);
     let causes: Vec<(u64, Cause)> = certificate.misses.iter().map(|miss| (miss.times.tick, miss.cause)).collect();
-    assert_eq!(causes, [(100, Cause::Release), (101, Cause::Release), (2000, Cause::Preempted)]);
+    assert_eq!(causes, [(100, Cause::Release), (101, Cause::Release), (2000, Cause::Unknown)]);
     let bound = certificate.miss_rate.ticks.as_ref().expect("there are ticks");
     assert!(bound.estimate < bound.upper && bound.upper < 0.01);
     // Quantiles have three digits.

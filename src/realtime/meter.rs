@@ -264,7 +264,7 @@ impl Meter {
         self.longest_run
     }
 
-    /// The first [`MISSES_KEPT`] of them.
+    /// The first 4096 of them.
     pub fn misses(&self) -> &[Miss] {
         &self.misses
     }

@@ -361,7 +361,7 @@ fn arrive(pass: &mut Pass, end: &mut ServoEnd, tick: u64, cycle_ticks: u64) -> R
             pass.times.arrivals.push(Arrival { from, at: tick });
             end.begin_segment(&pass.servo);
         }
-        Ok(None) if tick > 0 && tick % cycle_ticks == 0 => end.begin_segment(&pass.servo),
+        Ok(None) if tick > 0 && tick.is_multiple_of(cycle_ticks) => end.begin_segment(&pass.servo),
         Ok(None) => {}
     }
     Ok(())
@@ -369,7 +369,7 @@ fn arrive(pass: &mut Pass, end: &mut ServoEnd, tick: u64, cycle_ticks: u64) -> R
 
 /// A release that passed while a tick was being computed.
 fn skip(pass: &mut Pass, end: &mut ServoEnd, cycle_ticks: u64) -> Result<(), Fault> {
-    if pass.servo.next_tick() % cycle_ticks == 0 {
+    if pass.servo.next_tick().is_multiple_of(cycle_ticks) {
         end.begin_segment(&pass.servo);
     }
     let done = pass.servo.skip()?;

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// What a missed deadline was due to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Cause {
     /// The tick itself computed too long.
@@ -48,6 +48,18 @@ pub struct Missed {
 }
 
 impl Cause {
+    /// For people.
+    pub fn name(self) -> &'static str {
+        match self {
+            Cause::Compute => "the tick computed too long",
+            Cause::Release => "released too late",
+            Cause::Preempted => "something else had the CPU",
+            Cause::Fault => "a page fault",
+            Cause::StealSuspected => "the hypervisor, it seems",
+            Cause::Unknown => "unknown",
+        }
+    }
+
     /// Of each of a run's misses, in the order of time. One that follows another has the other's cause: it began late
     /// because that one ended late.
     pub fn of_all(misses: &[Missed]) -> Vec<Self> {
