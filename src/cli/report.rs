@@ -87,7 +87,7 @@ pub fn report(scenes: &[PathBuf], out: &Path) -> miette::Result<u8> {
     }
 
     let all = scenes.iter().map(|(scene, _)| scene).chain(grid.iter().map(|combination| &combination.scene));
-    let mut progress = Progress::new(all.map(|scene| scene.tick_count).sum());
+    let mut progress = Progress::new(all.map(|scene| scene.tick_count).sum(), "ticks");
     let mut reported = Vec::with_capacity(scenes.len());
     for (scene, expectation) in &scenes {
         progress.begin(&scene.name);

@@ -56,7 +56,7 @@ pub fn stability(scene: &Path, out: Option<PathBuf>) -> miette::Result<u8> {
     let points = points();
     let extremes: Vec<(&Extreme, Variant)> =
         EXTREMES.iter().flat_map(|extreme| Variant::ALL.map(|variant| (extreme, variant))).collect();
-    let mut progress = Progress::new((points.len() + extremes.len()) as u64);
+    let mut progress = Progress::new((points.len() + extremes.len()) as u64, "cases");
     progress.begin("extremes");
     let extremes = in_parallel(&extremes, &mut progress, |&(extreme, variant)| entry(extreme, variant));
     progress.end(extremes.len() as u64);
@@ -169,12 +169,13 @@ fn step(limit_s: Option<f64>) -> String {
     }
 }
 
-const MAP_HEAD: [&str; 7] = ["varied", "integrator, exterior", "contact", "at", "predicted", "measured", "ratio"];
+const MAP_HEAD: [&str; 7] =
+    ["varied", "integrator, scheme, exterior", "contact", "at", "predicted", "measured", "ratio"];
 
 fn map_row(b: &Boundary) -> [String; 7] {
     [
         b.axis.name().to_owned(),
-        format!("{}, {}", b.integrator, b.exterior),
+        format!("{}, {}, {}", b.integrator, b.scheme, b.exterior),
         touching_name(b.touching).to_owned(),
         format!("{}", b.value),
         step(b.predicted_s),
@@ -199,20 +200,34 @@ fn disagreement(boundary: &Boundary) -> String {
 
 #[cfg(feature = "plots")]
 fn figure(axis: Axis, maps: &[Boundary]) -> miette::Result<String> {
-    use crate::output::limits::{Curve, limits};
-    let mut curves: Vec<Curve> = Vec::new();
+    use crate::output::limits::{Curve, Panel, limits};
+    let mut series: Vec<String> = Vec::new();
+    let mut panels: Vec<Panel> = Vec::new();
+    // The boundaries of one curve follow each other, in the order of the axis's values.
     for b in maps.iter().filter(|b| b.axis == axis) {
-        let name = format!("{}, {}, {}", b.integrator, b.exterior, touching_name(b.touching));
-        let index = curves.iter().position(|curve| curve.name == name).unwrap_or_else(|| {
-            curves.push(Curve { name, points: Vec::new() });
-            curves.len() - 1
-        });
-        if let (Some(predicted), Some(measured)) = (b.predicted_s, b.measured_s) {
-            curves[index].points.push([b.value, predicted, measured]);
-        }
+        let title = format!("{}, {}", b.integrator, b.scheme);
+        let panel = index_or_push(
+            &mut panels,
+            |panel| panel.title == title,
+            || Panel { title: title.clone(), curves: Vec::new() },
+        );
+        let name = format!("{}, {}", touching_name(b.touching), b.exterior);
+        let series = index_or_push(&mut series, |known| *known == name, || name.clone());
+        let curves = &mut panels[panel].curves;
+        let curve = index_or_push(curves, |curve| curve.series == series, || Curve { series, steps: Vec::new() });
+        curves[curve].steps.push([b.predicted_s, b.measured_s]);
     }
-    limits(axis.name(), axis != Axis::DampingRatio, &curves)
+    limits(axis.name(), axis.values(), &series, &panels)
         .map_err(|error| miette::miette!("cannot draw the limits: {error}"))
+}
+
+/// Where the item is; it is made if there is none.
+#[cfg(feature = "plots")]
+fn index_or_push<T>(items: &mut Vec<T>, is_it: impl Fn(&T) -> bool, make: impl FnOnce() -> T) -> usize {
+    items.iter().position(is_it).unwrap_or_else(|| {
+        items.push(make());
+        items.len() - 1
+    })
 }
 
 #[cfg(not(feature = "plots"))]
@@ -236,9 +251,10 @@ fn page(scene: &Scene, maps: &[Boundary], no_maps: Option<&str>, extremes: &[Ext
                 h2 { "Limits of the local step" }
                 p {
                     "The longest stable step of the local model at rest, free and with a point held by the tip. Lines: \
-                     where the spectral radius of the one-step matrix reaches 1. Marks: where a perturbation of the \
-                     running model begins to grow. Below: measured over predicted, with 2 % shaded. What is not varied is \
-                     the scene's. A drifting exterior has the limits of a fixed one."
+                     where the spectral radius of the one-step matrix reaches 1, or the contact finds no hold. Marks: where \
+                     a perturbation of the running model begins to grow, or it lets go of the tip. Below: measured over \
+                     predicted, with 2 % shaded. What is not varied is the scene's, but the scheme where an integrator takes \
+                     only the velocity scheme. A drifting exterior has the limits of a fixed one."
                 }
                 @if let Some(reason) = no_maps {
                     p.unexpected { "No maps: " (reason) "." }

@@ -185,7 +185,7 @@ pub fn accuracy(arguments: &AccuracyArguments) -> miette::Result<u8> {
 /// Errors first, in parallel; then times, each alone.
 fn measure(scene: &Scene, grid: &Grid, budget: Budget) -> Result<(Vec<Point>, Vec<ReferenceEntry>), SceneError> {
     let runs = (grid.methods.len() + grid.contacts.len()) as u64;
-    let progress = Mutex::new(Progress::new(2 * runs * scene.tick_count));
+    let progress = Mutex::new(Progress::new(2 * runs * scene.tick_count, "ticks"));
     let begin = |name: &str| with(&progress, |progress| progress.begin(name));
     let done = || with(&progress, |progress| progress.end(scene.tick_count));
 
