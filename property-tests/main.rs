@@ -12,6 +12,7 @@ mod linearization;
 mod multirate;
 mod network;
 mod operators;
+mod orders;
 mod rest;
 mod stability;
 mod subdivision;

@@ -61,6 +61,18 @@ pub fn page(file: &AccuracyFile) -> miette::Result<Markup> {
                         }
                     }
                 }
+                h2 { "Orders of the integrators" }
+                p {
+                    "How fast the positions of a small block converge with the step, over a smooth motion, with the \
+                     largest distance of four logarithms of errors from the line laid through them; and, of the same block \
+                     without anything that holds it, how much of its momentum the tip's impulse does not account for."
+                }
+                div.wide {
+                    table {
+                        thead { tr { @for head in table::ORDERS_HEAD { th { (head) } } } }
+                        tbody { @for observed in file.orders { tr { @for cell in table::order(observed) { td { (cell) } } } } }
+                    }
+                }
             }
         }
     })
