@@ -4,6 +4,7 @@
 mod accuracy;
 mod check;
 mod explain;
+mod page;
 mod progress;
 mod report;
 mod run;

@@ -2,12 +2,11 @@
 
 use std::io;
 
-use plotters::coord::Shift;
 use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::plots::Drawn;
+use super::axes::{Area, BLUE, Drawn, ORANGE, document, quiet};
 
 /// The boundaries of one integrator.
 #[derive(Debug, Clone)]
@@ -34,11 +33,9 @@ const PANEL: u32 = 400;
 const SPLIT: i32 = 300;
 const COLUMNS: usize = 2;
 /// Of series 0 and 2, and of 1 and 3.
-const COLOURS: [RGBColor; 2] = [RGBColor(24, 90, 157), RGBColor(200, 80, 30)];
+const COLOURS: [RGBColor; 2] = [BLUE, ORANGE];
 /// Ratios from here to 2 less this have a place of their own.
 const LEAST_RATIO: f64 = 0.95;
-
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 /// Predicted (lines) and measured (marks) boundaries at every value of what is varied, and below their ratio, as an
 /// SVG document with a panel for each integrator. Steps are on a logarithmic scale; what has no limit is on a rail above.
@@ -47,15 +44,12 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 /// # Errors
 /// If the plotting library cannot draw it.
 pub fn limits(varied: &str, values: &[f64], series: &[String], panels: &[Panel]) -> io::Result<String> {
-    let mut svg = String::new();
-    draw(&mut svg, varied, values, series, panels).map_err(|error| io::Error::other(error.to_string()))?;
-    Ok(svg)
+    let rows = panels.len().div_ceil(COLUMNS);
+    document((WIDTH, LEGEND + PANEL * rows as u32), |root| draw(root, varied, values, series, panels))
 }
 
-fn draw(svg: &mut String, varied: &str, values: &[f64], series: &[String], panels: &[Panel]) -> Drawn {
+fn draw(root: &Area, varied: &str, values: &[f64], series: &[String], panels: &[Panel]) -> Drawn {
     let rows = panels.len().div_ceil(COLUMNS);
-    let root = SVGBackend::with_string(svg, (WIDTH, LEGEND + PANEL * rows as u32)).into_drawing_area();
-    root.fill(&WHITE)?;
     let (legend, rest) = root.split_vertically(LEGEND);
     for (i, name) in series.iter().enumerate() {
         let (x, y) = (84 + i as i32 * (WIDTH as i32 - 100) / series.len() as i32, 22);
@@ -75,7 +69,6 @@ fn draw(svg: &mut String, varied: &str, values: &[f64], series: &[String], panel
     for (area, panel) in rest.split_evenly((rows, COLUMNS)).iter().zip(panels) {
         draw_panel(area, panel, varied, values, [bottom, top + 1.0])?;
     }
-    root.present()?;
     Ok(())
 }
 
@@ -94,16 +87,16 @@ fn draw_panel(area: &Area, panel: &Panel, varied: &str, values: &[f64], [bottom,
         .x_label_area_size(4)
         .y_label_area_size(64)
         .build_cartesian_2d(x.clone(), bottom..rail + 0.3)?;
-    chart
-        .configure_mesh()
-        .y_desc("longest stable step (s)")
-        .x_labels(0)
-        .y_labels((rail - bottom) as usize + 1)
-        .y_label_formatter(&|step| if *step < rail { format!("1e{step:.0}") } else { "no limit".to_owned() })
-        .light_line_style(BLACK.mix(0.0))
-        .bold_line_style(BLACK.mix(0.12))
-        .label_style(("sans-serif", 13))
-        .draw()?;
+    quiet(
+        chart
+            .configure_mesh()
+            .y_desc("longest stable step (s)")
+            .x_labels(0)
+            .y_labels((rail - bottom) as usize + 1)
+            .y_label_formatter(&|step| if *step < rail { format!("1e{step:.0}") } else { "no limit".to_owned() })
+            .max_light_lines(0),
+    )
+    .draw()?;
     let place = |limit: Option<f64>| limit.map_or(rail, |limit| limit.log10().max(bottom));
     for curve in &panel.curves {
         let points = |which: usize| {
@@ -123,18 +116,18 @@ fn draw_panel(area: &Area, panel: &Panel, varied: &str, values: &[f64], [bottom,
         .x_label_area_size(40)
         .y_label_area_size(64)
         .build_cartesian_2d(x.clone(), LEAST_RATIO - 0.015..2.015 - LEAST_RATIO)?;
-    chart
-        .configure_mesh()
-        .x_desc(varied)
-        .y_desc("ratio")
-        .x_labels(values.len() + 1)
-        .y_labels(3)
-        .x_label_formatter(&name)
-        .y_label_formatter(&|ratio| format!("{ratio:.2}"))
-        .light_line_style(BLACK.mix(0.0))
-        .bold_line_style(BLACK.mix(0.12))
-        .label_style(("sans-serif", 13))
-        .draw()?;
+    quiet(
+        chart
+            .configure_mesh()
+            .x_desc(varied)
+            .y_desc("ratio")
+            .x_labels(values.len() + 1)
+            .y_labels(3)
+            .x_label_formatter(&name)
+            .y_label_formatter(&|ratio| format!("{ratio:.2}"))
+            .max_light_lines(0),
+    )
+    .draw()?;
     chart.draw_series([Rectangle::new([(x.start, 0.98), (x.end, 1.02)], BLACK.mix(0.06).filled())])?;
     for curve in &panel.curves {
         let marks = curve.steps.iter().enumerate().map(|(i, &[predicted, measured])| {

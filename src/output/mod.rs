@@ -1,5 +1,7 @@
 //! What a run leaves behind: `trace.csv`, `network.json`, `summary.json` and the force plot.
 
+#[cfg(feature = "plots")]
+mod axes;
 pub mod files;
 #[cfg(feature = "plots")]
 pub mod limits;
