@@ -14,6 +14,7 @@ mod linearization;
 mod multirate;
 mod network;
 mod operators;
+mod orders;
 mod phantom;
 mod phantom_motion;
 mod rest;

@@ -8,6 +8,7 @@ mod check;
 mod explain;
 #[cfg(all(feature = "realtime", target_os = "linux"))]
 mod interrupt;
+mod page;
 mod progress;
 mod replay;
 mod report;

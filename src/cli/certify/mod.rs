@@ -127,7 +127,7 @@ fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette
         LoadName::Cpu => (Load::Cpu, format!("cpu: {} threads that compute", cpus.len())),
         LoadName::Memory => (Load::Memory, format!("memory: {} threads that write through 64 MiB each", cpus.len())),
     };
-    let mut progress = Progress::new(ticks);
+    let mut progress = Progress::new(ticks, "ticks");
     progress.begin(&scene.name);
     let load = kind.start(cpus.len());
     let (served, steal) =
