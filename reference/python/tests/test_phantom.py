@@ -301,3 +301,13 @@ def test_the_target_has_the_slope_of_its_piece():
                                (0.3, [1, 2, 3.5], [0, 0, 5]), (0.5, [1, 2, 4], [0, 0, 0])):
         assert np.allclose(plant.target(t), place, rtol=1e-14)
         assert np.allclose(plant.target_velocity(t), velocity, rtol=1e-14)
+
+
+def test_a_substep_belongs_to_the_piece_of_its_middle(monkeypatch):
+    """The path turns at 40 % of the second substep and at 60 % of the fourth."""
+    places = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [1.0, 1.0, 1.0]]
+    plant = Plant(*parts({"rotation": np.eye(3).tolist(), "substeps": 5}), np.column_stack([[0.0, 1.4, 3.6, 5.0], places]))
+    moving = []
+    monkeypatch.setattr(plant, "slope", lambda y, command, target, velocity: moving.append(np.flatnonzero(velocity)) or 0.0)
+    plant.advance(np.zeros(16), 0.0, 5.0, np.zeros(3))
+    assert np.ravel(moving).tolist() == 4 * [0] + 12 * [1] + 4 * [2]

@@ -192,6 +192,14 @@ def test_smoothing_of_a_path():
     assert np.allclose(added, gap * np.array([0.8, 0.6, 0.4, 0.2]), rtol=0.0, atol=ROUNDING_TOLERANCE)
 
 
+def test_the_first_model_fades_nothing():
+    """A collision in tick 0 is felt at once: nothing was felt before."""
+    waypoints = [[0.0, 0.0, 0.0013, 1e-6], [0.01, 0.0, 0.0013, -0.002]]
+    read = scene(duration=0.01, mesh={"nodes": [5, 5, 3]}, instrument={"waypoints": waypoints, "smoothing_ticks": 4})
+    _, run, columns = ran(read)
+    assert columns["fz"][0] > 1e-3 and all(row.force is row.result.force for row in run.rows)
+
+
 def test_a_device_that_leaves_its_workspace_ends_the_run():
     read = drag(duration=0.2, waypoints=[[0.0, 0.0, 0.0, 0.01], [0.2, 0.0, -0.4, 0.2]])
     run = cycle.run(read, net.block(read))
