@@ -16,6 +16,7 @@ use stickslip::scene::Scene;
 use stickslip::session::{RecordedPass, Replayed, Session, replay};
 use stickslip::timeline::{Fate, OverrunPolicy};
 use stickslip::verify::certificate::causes::Cause;
+use stickslip::verify::lateness::consequences;
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -149,9 +150,11 @@ fn judged(served: &Served, worst: Vec<WorstTick>, replayed: bool) -> Certificate
     let machine = Machine::describe(0);
     let (scene, load) = ("x".to_owned(), "none".to_owned());
     let overrun = OverrunPolicy::Hold;
+    let steal = Vec::new();
+    let none = consequences(&Scene::shipped("fig3-sliding").expect("shipped")).expect("it runs");
     Certificate::new(
         served,
-        Circumstances { scene, rate_hz: 1000.0, overrun, load, steal: Vec::new(), machine, replayed, worst },
+        Circumstances { scene, rate_hz: 1000.0, overrun, load, steal, machine, replayed, worst, consequences: none },
     )
 }
 

@@ -12,6 +12,7 @@ use crate::timeline::OverrunPolicy;
 use crate::verify::certificate::bounds::{Independence, RateBound, Trials, Untested, ljung_box};
 use crate::verify::certificate::causes::{Cause, Missed, StealSample, steal_grew};
 use crate::verify::certificate::tail::Tail;
+use crate::verify::lateness::Consequences;
 
 /// Fewer ticks prove nothing.
 const LEAST_TICKS: u64 = 1000;
@@ -173,6 +174,8 @@ pub struct Certificate {
     pub miss_rate: MissRate,
     /// How long the longest response may become in a longer run.
     pub extrapolation: Tail,
+    /// What missed deadlines would do to this scene, in virtual time.
+    pub consequences: Consequences,
     /// What the servo thread had.
     pub settings: Obtained,
     /// Where it ran.
@@ -206,6 +209,8 @@ pub struct Circumstances {
     pub replayed: bool,
     /// Ticks that were done again.
     pub worst: Vec<WorstTick>,
+    /// What missed deadlines would do.
+    pub consequences: Consequences,
 }
 
 impl Certificate {
@@ -245,6 +250,7 @@ impl Certificate {
                 independence: independence.ok(),
             },
             extrapolation: Tail::of_block_maxima(&maxima_ns, block_ticks),
+            consequences: around.consequences,
             settings: obtained.clone(),
             machine: around.machine,
             stolen,

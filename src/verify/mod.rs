@@ -8,6 +8,7 @@ pub mod baseline;
 pub mod certificate;
 pub mod compare;
 pub mod extremes;
+pub mod lateness;
 pub mod orders;
 pub mod paired;
 pub mod results;

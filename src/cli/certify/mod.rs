@@ -24,6 +24,7 @@ use crate::scene::{Scene, SceneError};
 use crate::session::{Replayed, Session, TickToReplay, replay};
 use crate::timeline::OverrunPolicy;
 use crate::verify::certificate::causes::StealSample;
+use crate::verify::lateness::consequences;
 
 /// Between two looks at what the hypervisor took.
 const WATCH: Duration = Duration::from_millis(20);
@@ -139,6 +140,7 @@ fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette
     let session = session(scene, &mut served);
     let replayed = replays(&session, scene)?;
     let worst = worst(&served, time_ticks(&session, scene)?);
+    let consequences = consequences(scene).map_err(|error| miette::miette!("{error}"))?;
     let cpu = served.obtained.cpus.first().copied().unwrap_or_default();
     let certificate = Certificate::new(
         &served,
@@ -151,6 +153,7 @@ fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette
             machine: Machine::describe(cpu),
             replayed,
             worst,
+            consequences,
         },
     );
     write_json(&out.join("session.json"), &session)?;

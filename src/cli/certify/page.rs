@@ -7,6 +7,7 @@ use crate::realtime::record::Quantiles;
 use crate::realtime::threads::Served;
 use crate::verify::certificate::bounds::RateBound;
 use crate::verify::certificate::tail::Tail;
+use crate::verify::lateness::Consequences;
 
 fn us(ns: u64) -> f64 {
     ns as f64 * 1e-3
@@ -113,6 +114,28 @@ pub fn markdown(certificate: &Certificate) -> String {
         let pair = |[median, longest]: [u64; 2]| format!("{:.2}, {:.2}", us(median), us(longest));
         let (response, cpu) = (then(|times| times.response_ns), then(|times| times.cpu_ns));
         say(format!("| {pass} | {tick} | {why} | {response} | {cpu} | {} | {} |", pair(*warm_ns), pair(*cold_ns)));
+    }
+    say("\n## What missed deadlines would do\n".to_owned());
+    say(format!(
+        "The same path in virtual time, with a share of the ticks {} ticks long, drawn from a fixed seed; forces are held \
+         against the run in which none is late. Energy given: what the commanded force did along the tip's way.\n",
+        certificate.consequences.late_tick_ticks
+    ));
+    say("| policy | late | left out | force error (RMS) | largest jump (N) | contact losses | energy given (mJ) | |"
+        .to_owned());
+    say("|---|---|---|---|---|---|---|---|".to_owned());
+    let Consequences { on_time, late, .. } = &certificate.consequences;
+    for consequence in std::iter::once(on_time).chain(late) {
+        let name = if consequence.share == 0.0 { "none is late" } else { consequence.overrun.name() };
+        let error = consequence.force_error_rms_rel.map_or("–".to_owned(), |error| format!("{:.2} %", 100.0 * error));
+        let [missed, left_out] = consequence.missed_ticks;
+        say(format!(
+            "| {name} | {missed} | {left_out} | {error} | {:.3} | {} | {:.2} | {} |",
+            consequence.largest_jump_n,
+            consequence.contact_losses,
+            1e3 * consequence.energy_given_j,
+            consequence.fault.as_deref().unwrap_or_default(),
+        ));
     }
     say("\n## What the loop had\n".to_owned());
     let unknown = |value: &Option<String>| value.clone().unwrap_or_else(|| "not told".to_owned());
