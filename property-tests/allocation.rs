@@ -11,6 +11,7 @@ use stickslip::device::instrument::{TipPath, Waypoint};
 use stickslip::device::phantom::{Phantom, PhantomSettings};
 use stickslip::pipeline::Simulation;
 use stickslip::scene::Scene;
+use stickslip::timeline::{Fate, OverrunPolicy};
 
 struct Counting;
 
@@ -145,5 +146,30 @@ fn a_modelled_device_allocates_nothing() {
         }
     });
     assert!(most > 0.1, "no contact: {most} N");
+    assert_eq!(count, 0);
+}
+
+/// The loop with the device, coupling, passivity control and smoothing in it, also where ticks are late.
+#[test]
+fn a_servo_tick_with_a_device_allocates_nothing() {
+    let text = include_str!("../fixtures/closed-loop/stick-slip-by-hand.toml")
+        .replace("kind = ", "smoothing_ticks = 20\npassivity_control = true\ncoupling = {}\nkind = ");
+    let scene = Scene::parse(&text, "allocation.toml".as_ref()).expect("a scene");
+    let (mut servo, _) = Simulation::prepare(&scene).expect("it starts outside").into_loops();
+    let mut touching = 0;
+    let count = allocations(|| {
+        for tick in 0..1000 {
+            let fate = match tick % 10 {
+                3 => Fate::Late(OverrunPolicy::Hold),
+                5 => Fate::Late(OverrunPolicy::Zero),
+                7 => Fate::Late(OverrunPolicy::Skip),
+                8 => Fate::Skipped,
+                _ => Fate::OnTime,
+            };
+            let done = servo.tick(fate).expect("no fault");
+            touching += u32::from(done.report.touch.is_some());
+        }
+    });
+    assert!(touching > 500, "{touching} ticks in contact");
     assert_eq!(count, 0);
 }

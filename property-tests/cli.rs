@@ -44,6 +44,9 @@ fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
+/// What it says of its instrument's kind.
+const KIND: &str = "kind = \"path\"";
+
 /// (what is wrong, text in the good scene, its replacement, words that the message must have)
 const BAD: &[(&str, &str, &str, &[&str])] = &[
     ("unknown key", "substeps = 100", "sub_steps = 100", &["unknown field `sub_steps`", "substeps", ":20:"]),
@@ -176,6 +179,71 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
         "kind = \"path\"",
         "kind = \"recording\"\nfile = \"none.csv\"",
         &["instrument.waypoints", "no effect"],
+    ),
+    ("a device under a path", KIND, "kind = \"path\"\ndevice = { substeps = 10 }", &["instrument.device", "no effect"]),
+    ("a hand under a path", KIND, "hand = { mass = [0.1, 0.1, 0.1] }", &["instrument.hand", "no effect"]),
+    ("a coupling under a path", KIND, "coupling = { mass = 0.1 }", &["instrument.coupling", "no effect"]),
+    ("control under a path", KIND, "passivity_control = true", &["instrument.passivity_control", "no effect"]),
+    ("a file for a device", KIND, "kind = \"phantom-1.5\"\nfile = \"x.csv\"", &["instrument.file", "no effect"]),
+    (
+        "a hand out of reach",
+        KIND,
+        "kind = \"phantom-1.5\"\ndevice = { offset = [1.0, 0.0, 0.0] }",
+        &["instrument.waypoints", "at 0 s", "the links reach", "offset", ":41:"],
+    ),
+    (
+        "not a rotation",
+        KIND,
+        "kind = \"phantom-1.5\"\ndevice = { rotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]] }",
+        &["instrument.device.rotation", "mirrors", ":40:"],
+    ),
+    (
+        "too few substeps",
+        KIND,
+        "kind = \"phantom-1.5\"\ndevice = { substeps = 1 }",
+        &["instrument.device.substeps", "too few", "take"],
+    ),
+    (
+        "a coupling too light",
+        KIND,
+        "kind = \"phantom-1.5\"\ncoupling = { mass = 1e-4 }",
+        &["instrument.coupling.mass", "swings up by itself"],
+    ),
+    (
+        "negative joint friction",
+        KIND,
+        "kind = \"phantom-1.5\"\ndevice = { joint_friction = [0.0, -1.0, 0.0] }",
+        &["instrument.device.joint_friction", "-1", "at least 0"],
+    ),
+    (
+        "a hand without mass",
+        KIND,
+        "kind = \"phantom-1.5\"\nhand = { mass = [0.0, 0.1, 0.1] }",
+        &["instrument.hand.mass", "above 0"],
+    ),
+    (
+        "an infinite offset",
+        KIND,
+        "kind = \"phantom-1.5\"\ndevice = { offset = [inf, 0.0, 0.0] }",
+        &["instrument.device.offset", "inf"],
+    ),
+    (
+        "too many bits",
+        KIND,
+        "kind = \"phantom-1.5\"\ndevice = { torque_bits = 33 }",
+        &["instrument.device.torque_bits", "at most 32"],
+    ),
+    (
+        "half a count",
+        KIND,
+        "kind = \"phantom-1.5\"\ndevice = { encoder_counts = 0.5 }",
+        &["instrument.device.encoder_counts"],
+    ),
+    (
+        "an unknown key of a device",
+        KIND,
+        "kind = \"phantom-1.5\"\ndevice = { substep = 3 }",
+        &["unknown field `substep`"],
     ),
     ("not TOML", "duration = 1.2", "duration := 1.2", &[":3:"]),
 ];
@@ -413,6 +481,33 @@ fn explain_tells_sizes_limits_and_what_is_left_out() {
     let warnings: Vec<&str> = json["warnings"].as_array().expect("a list").iter().filter_map(|w| w.as_str()).collect();
     assert!(warnings.iter().any(|w| w.contains("the local tick is beyond its stability limit")), "{warnings:?}");
     assert!(warnings.iter().any(|w| w.contains("the global substep is beyond its stability limit")), "{warnings:?}");
+}
+
+#[test]
+fn a_scene_with_a_device_tells_of_it() {
+    let folder = Folder::new("device");
+    let header = |out: &Path| fs::read_to_string(out.join("trace.csv")).expect("a trace");
+    for (name, is_hard) in [("hard-wall", true), ("virtual-wall", false)] {
+        let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("fixtures/closed-loop/{name}.toml"));
+        let out = folder.path(name);
+        assert_eq!(run(&scene, &out).status.code(), Some(0));
+        let summary = fs::read_to_string(out.join("summary.json")).expect("a summary");
+        let summary: serde_json::Value = serde_json::from_str(&summary).expect("JSON");
+        let device = &summary["device"];
+        let (saturated, energy) = (&device["saturated_ticks"], &device["largest_energy_to_hand_j"]);
+        assert_eq!(saturated.as_u64().expect("a number") > 0, is_hard, "{device}");
+        assert_eq!(energy.as_f64().expect("a number") > 1e-2, is_hard, "{device}");
+        let columns = "device_x,device_y,device_z,contact_fx,contact_fy,contact_fz,hand_energy";
+        assert!(header(&out).lines().next().expect("a header").ends_with(columns));
+        let explained = stickslip(&["explain", &scene.display().to_string()]);
+        let text = String::from_utf8_lossy(&explained.stdout).into_owned();
+        assert!(text.contains("PHANTOM Premium 1.5: 78, 53, 32 g at the tip"), "{text}");
+        assert_eq!(text.contains("Warning: contact.wall_stiffness = 20000 N/m is beyond"), is_hard, "{text}");
+    }
+    let out = folder.path("path");
+    assert_eq!(run(&folder.write("path.toml", GOOD), &out).status.code(), Some(0));
+    assert!(header(&out).lines().nth(1).expect("a row").ends_with(",,,,,,,,"));
+    assert!(!fs::read_to_string(out.join("summary.json")).expect("a summary").contains("\"device\":"));
 }
 
 /// Small enough to compare a hundred methods over.

@@ -4,6 +4,7 @@
 mod accuracy;
 mod certificate;
 mod check;
+mod closed_loop;
 mod condensation;
 mod contact;
 mod coupling;

@@ -10,6 +10,8 @@ use crate::Vec3;
 use crate::contact::collision::START_TOLERANCE;
 use crate::contact::surface::ContactGeometry;
 use crate::contact::tick::{LocalSimulation, TickReport};
+use crate::device::coupled::{CoupledPhantom, DeviceView};
+use crate::device::coupling::HandOverSmoothing;
 use crate::device::failsafe::{Bounds, Cause, FailSafe, Fault};
 use crate::device::instrument::Instrument;
 use crate::dynamics::energy::EnergyBook;
@@ -67,6 +69,8 @@ pub struct TickView<'a> {
     pub work: WorkCounts,
     /// What became of the exterior in the models so far, if it is condensed.
     pub condensation: Option<CondensationCounts>,
+    /// The modelled device at its end, if there is one.
+    pub device: Option<DeviceView>,
 }
 
 impl TickView<'_> {
@@ -158,7 +162,7 @@ impl Simulation {
     /// here and at boundaries, none in a tick.
     ///
     /// # Errors
-    /// If the mesh has no proper surface, or the tip starts inside it.
+    /// If the mesh has no proper surface, the tip starts inside it, or the device cannot be where the tip starts.
     pub fn prepare(scene: &Scene) -> Result<Self, SceneError> {
         Self::assemble(scene, &scene.block.mesh())
     }
@@ -185,7 +189,9 @@ impl Simulation {
         };
         let mut global = GlobalSimulation::new(cycle, network.clone(), surface.clone(), builder);
 
-        let instrument = Instrument::Path(scene.path.clone());
+        let instrument = Instrument::new(&scene.instrument, &scene.path, scene.tick)
+            .map_err(|error| scene.instrument_error(error))?;
+        let smoothing = HandOverSmoothing::new(scene.smoothing_ticks);
         let tip = instrument.start();
         let ModelMessage { model, state } =
             global.build_model(tip).map_err(|error| scene.mesh_error(Problem::Model(error)))?;
@@ -197,7 +203,7 @@ impl Simulation {
         let replays = scene.global.sync == SyncMode::Replay && scene.local.extent != Extent::All;
         let bounds = Bounds::new(&network.rest);
         Ok(Self {
-            servo: Servo::new(local, instrument, FailSafe::new(bounds), scene.tick),
+            servo: Servo::new(local, instrument, smoothing, FailSafe::new(bounds), scene.tick),
             timeline: scene.timeline(),
             global: GlobalSide { simulation: global, network: network.clone(), bounds },
             network,
@@ -228,6 +234,11 @@ impl Simulation {
     /// The local side.
     pub fn local(&self) -> &LocalSimulation {
         self.servo.local()
+    }
+
+    /// The modelled device, if there is one.
+    pub fn device(&self) -> Option<&CoupledPhantom> {
+        self.servo.device()
     }
 
     /// The global side.
@@ -368,6 +379,7 @@ impl Lockstep {
             energy: &self.energy,
             work: local.state().work + global.simulation.work(),
             condensation: global.simulation.condensation(),
+            device: done.device,
         });
         Ok(())
     }

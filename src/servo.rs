@@ -3,6 +3,8 @@
 
 use crate::Vec3;
 use crate::contact::tick::{LocalSimulation, TickReport};
+use crate::device::coupled::{CoupledPhantom, DeviceView};
+use crate::device::coupling::HandOverSmoothing;
 use crate::device::failsafe::{Cause, FailSafe, Fault};
 use crate::device::instrument::Instrument;
 use crate::dynamics::global::ModelMessage;
@@ -13,6 +15,7 @@ use crate::timeline::{Fate, OverrunPolicy};
 pub struct Servo {
     local: LocalSimulation,
     instrument: Instrument,
+    smoothing: HandOverSmoothing,
     failsafe: FailSafe,
     /// h, s.
     step: f64,
@@ -22,12 +25,16 @@ pub struct Servo {
     tip: Vec3,
     /// What that tick did.
     report: TickReport,
+    /// Its contact force, smoothed, N.
+    felt: Vec3,
     /// The force that the instrument was last commanded, N.
     commanded: Vec3,
-    /// A force that was too late for its tick and goes out before the next one that is computed, N.
+    /// A contact force that was too late for its tick and goes out before the next one that is computed, N.
     overdue: Option<Vec3>,
     /// The first tick of the model in use.
     model_since: u64,
+    /// Whether no tick has been computed with it.
+    is_new_model: bool,
 }
 
 /// What a tick left.
@@ -49,19 +56,44 @@ pub struct ServoTick {
     pub model_age: u64,
     /// Whether it met its deadline.
     pub fate: Fate,
+    /// The device at its end, if there is one.
+    pub device: Option<DeviceView>,
 }
 
 impl Servo {
     /// At the start of tick 0.
-    pub fn new(local: LocalSimulation, instrument: Instrument, failsafe: FailSafe, step: f64) -> Self {
-        let (tip, report) = (instrument.start(), TickReport::none());
-        let commanded = Vec3::zeros();
-        Self { local, instrument, failsafe, step, tick: 0, tip, report, commanded, overdue: None, model_since: 0 }
+    pub fn new(
+        local: LocalSimulation,
+        instrument: Instrument,
+        smoothing: HandOverSmoothing,
+        failsafe: FailSafe,
+        step: f64,
+    ) -> Self {
+        Self {
+            tip: instrument.start(),
+            local,
+            instrument,
+            smoothing,
+            failsafe,
+            step,
+            tick: 0,
+            report: TickReport::none(),
+            felt: Vec3::zeros(),
+            commanded: Vec3::zeros(),
+            overdue: None,
+            model_since: 0,
+            is_new_model: false,
+        }
     }
 
     /// The local model in use, its state, and the contact.
     pub fn local(&self) -> &LocalSimulation {
         &self.local
+    }
+
+    /// The device, if there is one.
+    pub fn device(&self) -> Option<&CoupledPhantom> {
+        self.instrument.device()
     }
 
     /// The local side alone.
@@ -84,13 +116,14 @@ impl Servo {
     pub fn hand_over(&mut self, message: ModelMessage, from: u64) -> ModelMessage {
         let ModelMessage { model, state } = message;
         self.model_since = self.tick;
+        self.is_new_model = true;
         let (model, state) = self.local.hand_over(model, state, self.tick.saturating_sub(from), self.tip);
         ModelMessage { model, state }
     }
 
     /// Something went wrong outside of ticks: zero is commanded from here on.
     pub fn latch(&mut self, cause: Cause) -> Fault {
-        self.instrument.command(Vec3::zeros());
+        self.instrument.release();
         self.failsafe.latch(self.tick, self.tip, cause)
     }
 
@@ -113,14 +146,14 @@ impl Servo {
     /// If the instrument leaves the range in which it can be simulated.
     pub fn sense(&mut self) -> Result<Vec3, Fault> {
         if let Some(force) = self.overdue.take() {
-            self.commanded = self.instrument.command(force);
+            self.commanded = self.instrument.command(&force);
         }
         self.move_instrument()
     }
 
     fn move_instrument(&mut self) -> Result<Vec3, Fault> {
-        let time = (self.tick + 1) as f64 * self.step;
-        self.instrument.sense(time).map_err(|error| self.latch(Cause::Device(error)))
+        let [begin, end] = [self.tick, self.tick + 1].map(|tick| tick as f64 * self.step);
+        self.instrument.sense(begin, end, &self.felt).map_err(|error| self.latch(Cause::Device(error)))
     }
 
     /// The tick of the local model, with the tip at its end.
@@ -132,20 +165,25 @@ impl Servo {
         match self.failsafe.command(self.tick, tip, &self.local, &report) {
             Ok(_) => Ok(report),
             Err(fault) => {
-                self.instrument.command(Vec3::zeros());
+                self.instrument.release();
                 Err(fault)
             }
         }
     }
 
-    /// Commands what a computed tick found, if it was on time, or what its policy says.
+    /// Commands what a computed tick found, smoothed after a hand-over, if it was on time, or what its policy says. What
+    /// lies between contact and device works where a command goes out.
     pub fn conclude(&mut self, tip: Vec3, report: TickReport, fate: Fate) -> ServoTick {
         let tip_before = std::mem::replace(&mut self.tip, tip);
         self.report = report;
+        self.felt = self.smoothing.command(&report.force, std::mem::take(&mut self.is_new_model));
         match fate {
-            Fate::OnTime => self.commanded = self.instrument.command(report.force),
-            Fate::Late(OverrunPolicy::Zero) => self.commanded = self.instrument.command(Vec3::zeros()),
-            Fate::Late(OverrunPolicy::Skip) => self.overdue = Some(report.force),
+            Fate::OnTime => self.commanded = self.instrument.command(&self.felt),
+            Fate::Late(OverrunPolicy::Zero) => {
+                self.instrument.release();
+                self.commanded = Vec3::zeros();
+            }
+            Fate::Late(OverrunPolicy::Skip) => self.overdue = Some(self.felt),
             // What was commanded last stays.
             Fate::Late(OverrunPolicy::Hold) | Fate::Skipped => {}
         }
@@ -173,6 +211,7 @@ impl Servo {
             report: self.report,
             model_age: tick - self.model_since,
             fate,
+            device: self.instrument.device().map(CoupledPhantom::view),
         }
     }
 }

@@ -1,10 +1,14 @@
 //! `stickslip explain`: what a scene needs before it runs.
 
+mod device;
+
 use std::path::Path;
 
 use serde::Serialize;
 
+use self::device::DeviceFacts;
 use super::{PASS, load, say};
+use crate::Vec3;
 use crate::dynamics::global::SyncMode;
 use crate::dynamics::integrators::GlobalIntegrator;
 use crate::dynamics::stability::{StepLimit, explicit_step_limit};
@@ -24,6 +28,8 @@ struct Explanation {
     cost_per_cycle: CycleCost,
     local_step: Step,
     global_step: Step,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    device: Option<DeviceFacts>,
     warnings: Vec<String>,
 }
 
@@ -193,7 +199,9 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
 
     let parts = scene.parts();
     let named = |needed: bool| parts.iter().filter(|part| part.needed == needed).map(ToString::to_string).collect();
-    let warnings = warnings(scene, &simulation, &local_step, integrates.then_some(&global_step));
+    let device = DeviceFacts::new(scene, &simulation);
+    let mut warnings = warnings(scene, &simulation, &local_step, integrates.then_some(&global_step));
+    warnings.extend(device.as_ref().and_then(DeviceFacts::warning));
     Ok(Explanation {
         scene: scene.name.clone(),
         sizes,
@@ -203,6 +211,7 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
         cost_per_cycle,
         local_step,
         global_step,
+        device,
         warnings,
     })
 }
@@ -229,7 +238,7 @@ fn warnings(scene: &Scene, simulation: &Simulation, local: &Step, global: Option
             .filter(|&(_, &slot)| slot != crate::model::patch::OUTSIDE)
             .map(|(&node, _)| simulation.network().rest[node as usize])
             .collect();
-        let middle = on_surface.iter().sum::<crate::Vec3>() / on_surface.len().max(1) as f64;
+        let middle = on_surface.iter().sum::<Vec3>() / on_surface.len().max(1) as f64;
         let reach = on_surface.iter().map(|x| (x - middle).norm()).fold(0.0, f64::max);
         let way = scene.path.top_speed() / scene.global.rate;
         if way > reach {
@@ -299,6 +308,10 @@ fn text(e: &Explanation) -> String {
         line("                  (that of a fixed exterior; one that follows is softer)".to_owned());
     }
     line(format!("  global substep  {}", e.global_step.text()));
+    if let Some(device) = &e.device {
+        line("\nInstrument".to_owned());
+        device.lines().into_iter().for_each(&mut line);
+    }
     for warning in &e.warnings {
         line(format!("\nWarning: {warning}"));
     }

@@ -41,6 +41,13 @@ pub struct CouplingSettings {
     pub mass: f64,
 }
 
+impl Default for CouplingSettings {
+    /// 500 N/m, 2 N·s/m, 50 g: about as stiff as a hand's grip, about as heavy as the device feels.
+    fn default() -> Self {
+        Self { stiffness: 500.0, damping: 2.0, mass: 0.05 }
+    }
+}
+
 impl CouplingSettings {
     /// Whether they are in range, and stable in ticks of h, s.
     ///

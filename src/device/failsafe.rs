@@ -6,7 +6,7 @@ use thiserror::Error;
 use crate::Vec3;
 use crate::contact::law::Mode;
 use crate::contact::tick::{LocalSimulation, TickReport};
-use crate::device::instrument::DeviceError;
+use crate::device::phantom::DeviceError;
 use crate::model::local::ModelError;
 use crate::model::network::State;
 

@@ -7,6 +7,9 @@ use std::path::{Path as FilePath, PathBuf};
 use serde::Deserialize;
 use thiserror::Error;
 
+use super::coupled::{CoupledPhantom, CoupledSettings};
+use super::coupling::CouplingError;
+use super::phantom::DeviceError;
 use crate::Vec3;
 
 /// A tip position at a time.
@@ -25,39 +28,90 @@ pub struct TipPath {
     waypoints: Vec<Waypoint>,
 }
 
+/// What kind of instrument a scene has.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum InstrumentKind {
+    /// Its path is the tip's.
+    Path,
+    /// Its path is what the hand that holds a modelled device aims at.
+    Phantom(CoupledSettings),
+}
+
 /// What holds the tip.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub enum Instrument {
     /// A tip that goes its way whatever the force.
     Path(TipPath),
+    /// A modelled device in a hand.
+    Phantom(Box<CoupledPhantom>),
 }
 
-/// Why an instrument cannot be simulated any further.
+/// Why there is no such instrument.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
-pub enum DeviceError {}
+pub enum InstrumentError {
+    /// The device.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    /// The virtual coupling.
+    #[error(transparent)]
+    Coupling(#[from] CouplingError),
+}
 
 impl Instrument {
-    /// Where the tip is at t = 0, m.
+    /// At t = 0. Ticks are h long, s.
+    ///
+    /// # Errors
+    /// If a device cannot be there, or is made of what cannot be.
+    pub fn new(kind: &InstrumentKind, path: &TipPath, tick: f64) -> Result<Self, InstrumentError> {
+        Ok(match kind {
+            InstrumentKind::Path => Instrument::Path(path.clone()),
+            InstrumentKind::Phantom(settings) => {
+                Instrument::Phantom(Box::new(CoupledPhantom::new(settings, path, tick)?))
+            }
+        })
+    }
+
+    /// Where contact sees the tip at t = 0, m.
     pub fn start(&self) -> Vec3 {
         match self {
             Instrument::Path(path) => path.at(0.0),
+            Instrument::Phantom(phantom) => phantom.start(),
         }
     }
 
-    /// Moves on to a time, s, under the force commanded last: where the tip is then, m.
+    /// Moves on over a tick, from one time to another, s, under the force commanded last, while the contact force of the
+    /// last computed tick, N, acts on what is simulated of it: where contact sees the tip then, m.
     ///
     /// # Errors
     /// If it leaves the range in which it can be simulated.
-    pub fn sense(&mut self, time: f64) -> Result<Vec3, DeviceError> {
+    pub fn sense(&mut self, begin: f64, end: f64, contact_force: &Vec3) -> Result<Vec3, DeviceError> {
         match self {
-            Instrument::Path(path) => Ok(path.at(time)),
+            Instrument::Path(path) => Ok(path.at(end)),
+            Instrument::Phantom(phantom) => phantom.sense(begin, contact_force),
         }
     }
 
     /// Takes the force of a contact, N: the force that is commanded, before device limits.
-    pub fn command(&mut self, force: Vec3) -> Vec3 {
+    pub fn command(&mut self, contact_force: &Vec3) -> Vec3 {
         match self {
-            Instrument::Path(_) => force,
+            Instrument::Path(_) => *contact_force,
+            Instrument::Phantom(phantom) => phantom.command(contact_force),
+        }
+    }
+
+    /// Commands no force.
+    pub fn release(&mut self) {
+        match self {
+            Instrument::Path(_) => {}
+            Instrument::Phantom(phantom) => phantom.release(),
+        }
+    }
+
+    /// The device, if it is one.
+    pub fn device(&self) -> Option<&CoupledPhantom> {
+        match self {
+            Instrument::Path(_) => None,
+            Instrument::Phantom(phantom) => Some(phantom),
         }
     }
 }

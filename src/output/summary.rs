@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::spectrum::power_above;
 use crate::Vec3;
 use crate::contact::law::Mode;
+use crate::device::coupled::DeviceView;
 use crate::device::failsafe::Fault;
 use crate::model::condensation::CondensationCounts;
 use crate::model::work::WorkCounts;
@@ -56,6 +57,7 @@ pub struct Recorder {
     work: WorkCounts,
     condensation: Option<CondensationCounts>,
     timing: Option<Lateness>,
+    device: Option<DeviceSummary>,
 }
 
 /// Counts what was late.
@@ -116,6 +118,32 @@ pub struct TimingSummary {
     /// Root mean square over all ticks of what was commanded less what the contact asked for, N. What a different past
     /// does to the contact is not in it.
     pub withheld_force_rms_n: f64,
+}
+
+/// What a modelled device went through.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct DeviceSummary {
+    /// Ticks that ended with a command changed by a limit of force or current.
+    pub saturated_ticks: u64,
+    /// Ticks that ended with a mean force above what the device can sustain.
+    pub overheated_ticks: u64,
+    /// Ticks that ended with a command changed by passivity control.
+    pub passivity_control_ticks: u64,
+    /// What the hand got at the stylus, less what it gave.
+    pub energy_to_hand_j: f64,
+    /// Its maximum over time, at least 0, where it starts: above 0, the hand got more than it had given. Motors can do
+    /// that, and so can the links' weight.
+    pub largest_energy_to_hand_j: f64,
+}
+
+impl DeviceSummary {
+    fn take(&mut self, device: &DeviceView) {
+        self.saturated_ticks += u64::from(device.is_saturated);
+        self.overheated_ticks += u64::from(device.overheats);
+        self.passivity_control_ticks += u64::from(device.is_damped);
+        self.energy_to_hand_j = device.energy_to_hand_j;
+        self.largest_energy_to_hand_j = self.largest_energy_to_hand_j.max(device.energy_to_hand_j);
+    }
 }
 
 /// Ticks in each mode.
@@ -209,6 +237,9 @@ pub struct Summary {
     /// What was late; absent without deadlines.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timing: Option<TimingSummary>,
+    /// What the modelled device went through; absent without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub device: Option<DeviceSummary>,
     /// Of the run with its outputs.
     pub wall_time_s: f64,
 }
@@ -232,6 +263,9 @@ impl Recorder {
         }
         if view.has_deadlines {
             self.timing.get_or_insert_default().take(view);
+        }
+        if let Some(device) = &view.device {
+            self.device.get_or_insert_default().take(device);
         }
         self.work = view.work;
         self.condensation = view.condensation;
@@ -325,6 +359,7 @@ impl Recorder {
                     withheld_force_rms_n: (late.withheld / ticks as f64).sqrt(),
                 }
             }),
+            device: self.device,
             wall_time_s,
         }
     }

@@ -6,7 +6,8 @@ use crate::contact::surface::ContactPoint;
 use crate::pipeline::TickView;
 
 /// A row. Floats are written in their shortest form that reads back to the same bits. The contact
-/// columns are those of the located contact and stay empty in free ticks.
+/// columns are those of the located contact and stay empty in free ticks; those of a modelled device stay empty
+/// without one.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TraceRow {
     tick: u64,
@@ -37,6 +38,13 @@ pub struct TraceRow {
     friction_loss: f64,
     impact_loss: f64,
     timing: Option<&'static str>,
+    device_x: Option<f64>,
+    device_y: Option<f64>,
+    device_z: Option<f64>,
+    contact_fx: Option<f64>,
+    contact_fy: Option<f64>,
+    contact_fz: Option<f64>,
+    hand_energy: Option<f64>,
 }
 
 impl TraceRow {
@@ -44,6 +52,8 @@ impl TraceRow {
     pub fn new(view: &TickView) -> Self {
         let report = view.report;
         let weight = |i: usize| report.touch.map(|touch| touch.point.weights[i]);
+        let device = |i: usize| view.device.map(|device| device.tip[i]);
+        let contact = |i: usize| view.device.map(|_| report.force[i]);
         let normal = |i: usize| report.touch.map(|touch| touch.normal[i]);
         Self {
             tick: view.tick,
@@ -76,6 +86,13 @@ impl TraceRow {
             friction_loss: view.energy.friction_loss,
             impact_loss: view.energy.impact_loss,
             timing: view.has_deadlines.then(|| view.fate.name()),
+            device_x: device(0),
+            device_y: device(1),
+            device_z: device(2),
+            contact_fx: contact(0),
+            contact_fy: contact(1),
+            contact_fz: contact(2),
+            hand_energy: view.device.map(|device| device.energy_to_hand_j),
         }
     }
 }

@@ -8,7 +8,7 @@ use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
 use thiserror::Error;
 
 use super::keys::accepted;
-use crate::device::instrument::PathError;
+use crate::device::instrument::{InstrumentError, PathError};
 use crate::model::local::ModelError;
 use crate::model::surface::SurfaceError;
 
@@ -98,6 +98,14 @@ pub enum Problem {
         /// What is wrong.
         error: PathError,
     },
+    /// The device, its hand or its coupling.
+    #[error("`{key}`: {error}")]
+    Instrument {
+        /// The key.
+        key: &'static str,
+        /// What is wrong.
+        error: InstrumentError,
+    },
     /// The mesh has no proper surface.
     #[error(transparent)]
     Surface(#[from] SurfaceError),
@@ -116,7 +124,8 @@ impl Problem {
             | Problem::Needs { key, .. }
             | Problem::Both(key, _)
             | Problem::WrongLength { key, .. }
-            | Problem::Path { key, .. } => Some(key),
+            | Problem::Path { key, .. }
+            | Problem::Instrument { key, .. } => Some(key),
             Problem::Unreadable { .. }
             | Problem::Syntax(_)
             | Problem::TooLarge { .. }

@@ -250,17 +250,61 @@ pub enum MetricName {
 #[serde(deny_unknown_fields)]
 pub struct InstrumentTable {
     #[serde(default)]
-    pub kind: InstrumentKind,
+    pub kind: InstrumentName,
     pub waypoints: Option<Spanned<Vec<Spanned<Vec<f64>>>>>,
     pub file: Option<Spanned<String>>,
+    pub smoothing_ticks: Option<Spanned<u32>>,
+    pub passivity_control: Option<Spanned<bool>>,
+    pub device: Option<Spanned<DeviceTable>>,
+    pub hand: Option<Spanned<HandTable>>,
+    pub coupling: Option<Spanned<CouplingTable>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DeviceTable {
+    pub rotation: Option<Spanned<[[f64; 3]; 3]>>,
+    pub offset: Option<Spanned<[f64; 3]>>,
+    pub joint_friction: Option<Spanned<[f64; 3]>>,
+    pub friction_speed: Option<Spanned<f64>>,
+    pub joint_damping: Option<Spanned<f64>>,
+    pub rotor_inertia: Option<Spanned<[f64; 3]>>,
+    pub capstan_ratio: Option<Spanned<[f64; 3]>>,
+    pub torque_constant: Option<Spanned<f64>>,
+    pub largest_current: Option<Spanned<f64>>,
+    pub torque_bits: Option<Spanned<u32>>,
+    pub encoder_counts: Option<Spanned<u32>>,
+    pub amplifier_bandwidth: Option<Spanned<f64>>,
+    pub largest_force: Option<Spanned<f64>>,
+    pub substeps: Option<Spanned<u32>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HandTable {
+    pub mass: Option<Spanned<[f64; 3]>>,
+    pub stylus_stiffness: Option<Spanned<[f64; 3]>>,
+    pub stylus_damping: Option<Spanned<[f64; 3]>>,
+    pub arm_stiffness: Option<Spanned<[f64; 3]>>,
+    pub arm_damping: Option<Spanned<[f64; 3]>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CouplingTable {
+    pub stiffness: Option<Spanned<f64>>,
+    pub damping: Option<Spanned<f64>>,
+    pub mass: Option<Spanned<f64>>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum InstrumentKind {
+pub enum InstrumentName {
     #[default]
     Path,
     Recording,
+    #[serde(rename = "phantom-1.5")]
+    Phantom,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -19,7 +19,7 @@ pub use shipped::{Expectation, SHIPPED, Shipped};
 
 use crate::contact::surface::ContactSurface;
 use crate::contact::tick::ContactRules;
-use crate::device::instrument::TipPath;
+use crate::device::instrument::{InstrumentError, InstrumentKind, TipPath};
 use crate::dynamics::global::SyncMode;
 use crate::dynamics::integrators::GlobalIntegrator;
 use crate::model::local::LocalSettings;
@@ -67,8 +67,12 @@ pub struct Scene {
     pub surface: ContactSurface,
     /// The contact.
     pub contact: ContactRules,
-    /// The instrument.
+    /// What kind of instrument there is.
+    pub instrument: InstrumentKind,
+    /// What leads it: the tip, or what the hand of a device aims at.
     pub path: TipPath,
+    /// Ticks over which the force's jump at a hand-over fades.
+    pub smoothing_ticks: u32,
     /// Whether it runs in virtual or in real time.
     pub schedule: Schedule,
     /// Of every tick.
@@ -179,6 +183,11 @@ impl Scene {
 
     pub(crate) fn mesh_error(&self, problem: Problem) -> SceneError {
         SceneError::at(problem, self.source.text.clone(), Some(self.source.mesh.clone()))
+    }
+
+    pub(crate) fn instrument_error(&self, error: InstrumentError) -> SceneError {
+        let (problem, span) = (Problem::Instrument { key: "instrument", error }, self.source.instrument.clone());
+        SceneError::at(problem, self.source.text.clone(), Some(span))
     }
 
     pub(crate) fn tip_inside(&self, depth_m: f64) -> SceneError {

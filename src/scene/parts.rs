@@ -8,6 +8,7 @@ use crate::contact::law::Law;
 use crate::contact::operators::Metric;
 use crate::contact::surface::ContactSurface;
 use crate::contact::tick::Scheme;
+use crate::device::instrument::InstrumentKind;
 use crate::dynamics::global::SyncMode;
 use crate::dynamics::integrators::GlobalIntegrator;
 use crate::model::condensation::{Condensation, FarField, Reach};
@@ -83,6 +84,11 @@ impl Scene {
             Scheme::Geometric { metric: Metric::Euclidean, .. } => (false, "contact.metric = \"euclidean\""),
             Scheme::Geometric { metric: Metric::Mass, .. } => (true, "contact.metric = \"mass\""),
         };
+        let device = match &self.instrument {
+            InstrumentKind::Path => None,
+            InstrumentKind::Phantom(settings) => Some(settings),
+        };
+        let is_controlled = device.is_some_and(|device| device.passivity_control);
         let material = &self.material;
         vec![
             part(
@@ -143,7 +149,24 @@ impl Scene {
                 self.schedule == Schedule::Threads,
                 "run.schedule = \"lockstep\"".to_owned(),
             ),
-            part("haptic device", false, "the instrument follows a path".to_owned()),
+            part(
+                "smoothing of forces at hand-overs",
+                self.smoothing_ticks > 0,
+                format!("instrument.smoothing_ticks = {}", self.smoothing_ticks),
+            ),
+            part(
+                "haptic device in a hand",
+                device.is_some(),
+                device.map_or("the instrument follows a path", |_| "instrument.kind = \"phantom-1.5\"").to_owned(),
+            ),
+            part(
+                "virtual coupling",
+                device.is_some_and(|device| device.coupling.is_some()),
+                device.and_then(|device| device.coupling).map_or("there is no `instrument.coupling`".to_owned(), |c| {
+                    format!("instrument.coupling.stiffness = {}", c.stiffness)
+                }),
+            ),
+            part("passivity control", is_controlled, format!("instrument.passivity_control = {is_controlled}")),
         ]
     }
 }

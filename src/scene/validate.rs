@@ -1,5 +1,7 @@
 //! From the scene file to a scene: ranges, and which keys go together.
 
+mod instrument;
+
 use std::ops::Range;
 use std::path::Path;
 
@@ -15,7 +17,6 @@ use crate::contact::law::Law;
 use crate::contact::operators::Metric;
 use crate::contact::surface::ContactSurface;
 use crate::contact::tick::{ContactRules, Deformation, Scheme, Wall};
-use crate::device::instrument::{TipPath, Waypoint};
 use crate::dynamics::global::SyncMode;
 use crate::dynamics::integrators::GlobalIntegrator;
 use crate::model::condensation::{Condensation, FarField, Reach};
@@ -196,6 +197,12 @@ impl Checker {
         }
         let (deadline, costs) = self.timing(&file.timing, schedule, 1.0 / local_rate)?;
         let is_full = matches!(file.local.model, LocalModelName::Full);
+        let (instrument, path) = self.instrument(&file.instrument, folder, 1.0 / local_rate)?;
+        let smoothing = &file.instrument.get_ref().smoothing_ticks;
+        if is_full {
+            let span = smoothing.as_ref().map(Spanned::span);
+            self.no_effect("instrument.smoothing_ticks", span, "`local.model = \"full\"`, which has no hand-overs")?;
+        }
         let source = Source { text: self.source.clone(), instrument: file.instrument.span(), mesh: file.mesh.span() };
         Ok(Scene {
             name,
@@ -215,7 +222,9 @@ impl Checker {
                 SurfaceName::Subdivision => ContactSurface::Subdivision,
             },
             contact: self.contact(&file.contact)?,
-            path: self.instrument(&file.instrument, folder)?,
+            instrument,
+            path,
+            smoothing_ticks: smoothing.as_ref().map_or(0, |ticks| *ticks.get_ref()),
             schedule,
             deadline,
             costs,
@@ -556,35 +565,6 @@ impl Checker {
                 Some(MetricName::Mass) => Metric::Mass,
             },
         })
-    }
-
-    fn instrument(&self, table: &Spanned<InstrumentTable>, folder: &Path) -> Placed<TipPath> {
-        let InstrumentTable { kind, waypoints, file } = table.get_ref();
-        match kind {
-            InstrumentKind::Path => {
-                let key = "instrument.waypoints";
-                let span = file.as_ref().map(Spanned::span);
-                self.no_effect("instrument.file", span, "`instrument.kind = \"path\"`")?;
-                let list = waypoints.as_ref().ok_or_else(|| self.error(Problem::Missing(key), table.span()))?;
-                let mut path = Vec::with_capacity(list.get_ref().len());
-                for waypoint in list.get_ref() {
-                    let &[time, x, y, z] = waypoint.get_ref().as_slice() else {
-                        let value = format!("{:?}: four numbers are needed", waypoint.get_ref());
-                        return Err(self.error(Problem::NotAccepted { key, value }, waypoint.span()));
-                    };
-                    path.push(Waypoint { time, position: Vec3::new(x, y, z) });
-                }
-                TipPath::new(path).map_err(|error| self.error(Problem::Path { key, error }, list.span()))
-            }
-            InstrumentKind::Recording => {
-                let key = "instrument.file";
-                let span = waypoints.as_ref().map(Spanned::span);
-                self.no_effect("instrument.waypoints", span, "`instrument.kind = \"recording\"`")?;
-                let file = file.as_ref().ok_or_else(|| self.error(Problem::Missing(key), table.span()))?;
-                TipPath::from_csv(&folder.join(file.get_ref()))
-                    .map_err(|error| self.error(Problem::Path { key, error }, file.span()))
-            }
-        }
     }
 
     fn timing(&self, timing: &TimingTable, schedule: Schedule, tick: f64) -> Placed<(Deadline, Option<Costs>)> {

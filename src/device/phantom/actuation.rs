@@ -5,9 +5,6 @@ use std::f64::consts::TAU;
 use super::kinematics::jacobian;
 use crate::Vec3;
 
-/// Steps of a current command from −limit to +limit: 16 bits. Assumed.
-const CURRENT_STEPS: f64 = 65_536.0;
-
 /// Motors, gears, encoders and limits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ActuationSettings {
@@ -17,9 +14,11 @@ pub struct ActuationSettings {
     pub capstan_ratio: Vec3,
     /// Largest current of a motor, A: where it stalls at 24 V.
     pub current_limit: f64,
+    /// Bits of a current command from −limit to +limit; 0 if it is not quantised. Assumed.
+    pub torque_bits: u32,
     /// Bandwidth of the amplifiers, a first-order lag, Hz. Assumed.
     pub amplifier_bandwidth: f64,
-    /// Encoder counts per turn of a motor: 1024 lines, four edges each.
+    /// Encoder counts per turn of a motor: 1024 lines, four edges each; 0 if angles are not quantised.
     pub encoder_counts: f64,
     /// Largest force commanded, N: the device's published maximum.
     pub force_limit: f64,
@@ -35,6 +34,7 @@ impl Default for ActuationSettings {
             torque_constant: 0.0234,
             capstan_ratio: Vec3::new(13.3, 11.2, 11.2),
             current_limit: 5.5,
+            torque_bits: 16,
             amplifier_bandwidth: 1000.0,
             encoder_counts: 4096.0,
             force_limit: 8.5,
@@ -59,9 +59,14 @@ impl ActuationSettings {
         self.capstan_ratio.component_mul(current) * self.torque_constant
     }
 
-    /// The current between two neighbouring commands, A.
-    pub fn current_step(&self) -> f64 {
-        2.0 * self.current_limit / CURRENT_STEPS
+    /// The current between two neighbouring commands, A, if they are quantised.
+    pub fn current_step(&self) -> Option<f64> {
+        (self.torque_bits > 0).then(|| self.current_limit / self.half_steps())
+    }
+
+    /// Steps from no current to the limit.
+    fn half_steps(&self) -> f64 {
+        0.5 * f64::from(self.torque_bits).exp2()
     }
 
     /// The command for a force at the tip (device axes, N): scaled to the force limit, turned to torques by Jᵀ, clamped
@@ -74,17 +79,30 @@ impl ActuationSettings {
         let is_too_strong = magnitude > self.force_limit;
         let force = if is_too_strong { force * (self.force_limit / magnitude) } else { *force };
         let wanted = (jacobian(angles).tr_mul(&force) / self.torque_constant).component_div(&self.capstan_ratio);
-        let step = self.current_step();
-        let half = CURRENT_STEPS / 2.0;
-        // The largest positive command is one step below the limit, as in two's complement.
-        let current = wanted.map(|current| (current / step).round().clamp(-half, half - 1.0) * step);
+        let (limit, half) = (self.current_limit, self.half_steps());
+        let current = match self.current_step() {
+            // The largest positive command is one step below the limit, as in two's complement.
+            Some(step) => wanted.map(|current| (current / step).round().clamp(-half, half - 1.0) * step),
+            None => wanted.map(|current| current.clamp(-limit, limit)),
+        };
         CurrentCommand { current, is_limited: is_too_strong || wanted.amax() > self.current_limit }
     }
 
     /// The joint angles that the encoders tell, rad: the nearest whole counts.
     pub fn encode(&self, angles: &Vec3) -> Vec3 {
+        if self.encoder_counts == 0.0 {
+            return *angles;
+        }
         let counts_per_rad = self.capstan_ratio * (self.encoder_counts / TAU);
         angles.zip_map(&counts_per_rad, |angle, counts| (angle * counts).round() / counts)
+    }
+
+    /// The angles between two neighbouring counts, rad; 0 if they are not quantised.
+    pub fn angle_step(&self) -> Vec3 {
+        if self.encoder_counts == 0.0 {
+            return Vec3::zeros();
+        }
+        self.capstan_ratio.map(|ratio| TAU / (ratio * self.encoder_counts))
     }
 
     /// ω of the amplifiers' lag i̇ = ω(i_commanded − i), 1/s.

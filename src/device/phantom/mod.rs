@@ -10,6 +10,7 @@ pub mod dynamics;
 pub mod hand;
 pub mod kinematics;
 pub mod plant;
+pub mod wall;
 
 use thiserror::Error;
 
@@ -23,6 +24,8 @@ use crate::{Mat3, Vec3};
 
 /// The largest rate times substep. RK4 is stable up to 2.78 on the real axis and 2.82 on the imaginary one.
 const STEP_LIMIT: f64 = 2.5;
+/// Beyond this, steps of a current command are no rounding that matters.
+const LARGEST_TORQUE_BITS: u32 = 32;
 /// How far a rotation may be from orthogonal: numbers written with ten digits are fine.
 const ROTATION_TOLERANCE: f64 = 1e-9;
 
@@ -142,7 +145,6 @@ impl PhantomSettings {
             ("a capstan ratio", actuation.capstan_ratio),
             ("the current limit (A)", Vec3::repeat(actuation.current_limit)),
             ("the amplifier bandwidth (Hz)", Vec3::repeat(actuation.amplifier_bandwidth)),
-            ("the encoder counts", Vec3::repeat(actuation.encoder_counts)),
             ("the force limit (N)", Vec3::repeat(actuation.force_limit)),
             ("the continuous force (N)", Vec3::repeat(actuation.continuous_force)),
             ("the thermal time (s)", Vec3::repeat(actuation.thermal_time)),
@@ -151,6 +153,7 @@ impl PhantomSettings {
         let not_negative = [
             ("a joint's damping (N·m·s/rad)", joints.damping),
             ("a joint's friction (N·m)", joints.friction),
+            ("the encoder counts", Vec3::repeat(actuation.encoder_counts)),
             ("a rotor's inertia (kg·m²)", joints.rotor_inertia),
             ("the grip's stiffness (N/m)", hand.grip_stiffness),
             ("the grip's damping (N·s/m)", hand.grip_damping),
@@ -168,6 +171,10 @@ impl PhantomSettings {
         let deviation = (axes.rotation.tr_mul(&axes.rotation) - Mat3::identity()).amax().max(determinant_off);
         if !(deviation <= ROTATION_TOLERANCE && axes.rotation.iter().all(|entry| entry.is_finite())) {
             return Err(DeviceError::Rotation { deviation });
+        }
+        if actuation.torque_bits > LARGEST_TORQUE_BITS {
+            let (name, value) = ("torque bits", f64::from(actuation.torque_bits));
+            return Err(DeviceError::Setting { name, value, needs: "at most 32" });
         }
         let rate = self.rate_bound();
         let least = (rate * tick / STEP_LIMIT).ceil();
@@ -297,6 +304,26 @@ impl Phantom {
     /// Whether the mean is more than the device can sustain: a warning, nothing is limited by it.
     pub fn overheats(&self) -> bool {
         self.mean_force > self.settings().actuation.continuous_force
+    }
+
+    /// Apparent mass at the tip along the device's x, y and z, kg: 1/(J M⁻¹ Jᵀ)ᵢᵢ, in the pose measured last.
+    pub fn apparent_mass_kg(&self) -> Vec3 {
+        let jacobian = kinematics::jacobian(&self.measured);
+        let joints = &self.settings().joints;
+        let rest = joints.acceleration(&self.measured, &Vec3::zeros(), &Vec3::zeros());
+        Vec3::from_fn(|axis, _| {
+            let torque = jacobian.row(axis).transpose();
+            let response = joints.acceleration(&self.measured, &Vec3::zeros(), &torque) - rest;
+            1.0 / torque.dot(&response)
+        })
+    }
+
+    /// The largest step of the measured tip along the device's x, y and z that one count makes, m; 0 if nothing is
+    /// quantised.
+    pub fn resolution_m(&self) -> Vec3 {
+        let jacobian = kinematics::jacobian(&self.measured);
+        let steps = self.settings().actuation.angle_step();
+        Vec3::from_fn(|axis, _| jacobian.row(axis).transpose().component_mul(&steps).amax())
     }
 
     /// What it is made of.

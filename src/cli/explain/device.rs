@@ -1,0 +1,116 @@
+//! What `explain` says of a modelled device.
+
+use serde::Serialize;
+
+use crate::Vec3;
+use crate::contact::tick::Wall;
+use crate::device::instrument::InstrumentKind;
+use crate::pipeline::Simulation;
+use crate::scene::Scene;
+
+/// The modelled device at its start, along the scene's z: the normal of the top.
+#[derive(Serialize)]
+pub struct DeviceFacts {
+    apparent_mass_kg: [f64; 3],
+    resolution_m: [f64; 3],
+    largest_force_n: f64,
+    hand_mass_kg: [f64; 3],
+    grip_stiffness_n_per_m: [f64; 3],
+    arm_stiffness_n_per_m: [f64; 3],
+    coupling: Option<CouplingFacts>,
+    passivity_control: bool,
+    smoothing_ticks: u32,
+    wall_stiffness_n_per_m: f64,
+    /// 2(b − |B|)/h.
+    wall_bound_by_damping_n_per_m: f64,
+    /// 2f_c/Δ; absent if nothing is quantised.
+    wall_bound_by_friction_n_per_m: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct CouplingFacts {
+    stiffness_n_per_m: f64,
+    damping_n_s_per_m: f64,
+    mass_kg: f64,
+}
+
+impl DeviceFacts {
+    pub fn new(scene: &Scene, simulation: &Simulation) -> Option<Self> {
+        let InstrumentKind::Phantom(settings) = &scene.instrument else { return None };
+        let device = simulation.device()?.phantom();
+        let Wall { stiffness, damping } = scene.contact.wall;
+        let bounds = device.wall_bounds(&Vec3::z(), damping);
+        let hand = &settings.phantom.hand;
+        Some(Self {
+            apparent_mass_kg: device.apparent_mass_kg().into(),
+            resolution_m: device.resolution_m().into(),
+            largest_force_n: settings.phantom.actuation.force_limit,
+            hand_mass_kg: hand.mass.into(),
+            grip_stiffness_n_per_m: hand.grip_stiffness.into(),
+            arm_stiffness_n_per_m: hand.arm_stiffness.into(),
+            coupling: settings.coupling.map(|coupling| CouplingFacts {
+                stiffness_n_per_m: coupling.stiffness,
+                damping_n_s_per_m: coupling.damping,
+                mass_kg: coupling.mass,
+            }),
+            passivity_control: settings.passivity_control,
+            smoothing_ticks: scene.smoothing_ticks,
+            wall_stiffness_n_per_m: stiffness,
+            wall_bound_by_damping_n_per_m: bounds.by_damping_n_per_m,
+            wall_bound_by_friction_n_per_m: Some(bounds.by_friction_n_per_m).filter(|bound| bound.is_finite()),
+        })
+    }
+
+    /// Beyond both bounds.
+    pub fn warning(&self) -> Option<String> {
+        let friction = self.wall_bound_by_friction_n_per_m?;
+        let (bound, which) = if friction > self.wall_bound_by_damping_n_per_m {
+            (friction, "2f_c/Δ of Abbott and Okamura, by the device's friction")
+        } else {
+            (self.wall_bound_by_damping_n_per_m, "2(b − |B|)/h of Colgate and Schenkel, by the device's damping")
+        };
+        (self.wall_stiffness_n_per_m > bound).then(|| {
+            format!(
+                "contact.wall_stiffness = {} N/m is beyond what the device alone makes passive, {bound:.0} N/m \
+                 ({which}): on rigid ground the loop may give out energy",
+                self.wall_stiffness_n_per_m
+            )
+        })
+    }
+
+    pub fn lines(&self) -> Vec<String> {
+        let three = |values: [f64; 3], scale: f64, digits: usize| {
+            values.map(|value| format!("{:.digits$}", value * scale)).join(", ")
+        };
+        let mut lines = vec![
+            format!(
+                "  device    PHANTOM Premium 1.5: {} g at the tip, {} mm resolution (device x, y, z), at most {} N",
+                three(self.apparent_mass_kg, 1e3, 0),
+                three(self.resolution_m, 1e3, 4),
+                self.largest_force_n
+            ),
+            format!(
+                "  hand      {} g, grip {} N/m, arm {} N/m",
+                three(self.hand_mass_kg, 1e3, 0),
+                three(self.grip_stiffness_n_per_m, 1.0, 0),
+                three(self.arm_stiffness_n_per_m, 1.0, 0)
+            ),
+        ];
+        lines.push(match &self.coupling {
+            Some(CouplingFacts { stiffness_n_per_m: k, damping_n_s_per_m: b, mass_kg: m }) => {
+                format!("  coupling  {k} N/m, {b} N·s/m, {:.0} g", 1e3 * m)
+            }
+            None => "  coupling  none: contact sees the measured tip".to_owned(),
+        });
+        let friction = match self.wall_bound_by_friction_n_per_m {
+            Some(bound) => format!("{bound:.0} N/m"),
+            None => "none, nothing is quantised".to_owned(),
+        };
+        lines.push(format!(
+            "  rigid ground of {} N/m; passive by the device's damping up to {:.1} N/m (2(b − |B|)/h), by its friction \
+             up to {friction} (2f_c/Δ)",
+            self.wall_stiffness_n_per_m, self.wall_bound_by_damping_n_per_m
+        ));
+        lines
+    }
+}
