@@ -1,5 +1,5 @@
 //! Steps of the linear model as a whole, against a dense solution that shares no formula with them, and what they
-//! promise: order, energy, stability, momentum, the laws at the end of a tick.
+//! promise: order, energy, stability, the laws at the end of a tick.
 
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
@@ -7,7 +7,6 @@ use stickslip::contact::law::{Law, Mode};
 use stickslip::contact::operators::{Metric, Support};
 use stickslip::contact::surface::{ContactGeometry, ContactSurface};
 use stickslip::contact::tick::Scheme;
-use stickslip::device::instrument::{TipPath, Waypoint};
 use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper, Unconstrained};
 use stickslip::dynamics::stability::explicit_step_limit;
 use stickslip::model::linearization::LinearForces;
@@ -402,51 +401,6 @@ fn ticks_keep_the_law() {
     }
 }
 
-/// A block that nothing holds: what the contact puts in is all the momentum it has, since K and D of springs that end
-/// inside have no net force either.
-#[test]
-fn impulse_is_change_of_momentum() {
-    // Round-off of sums over 75 nodes with A⁻¹ in between, relative to the largest momentum. Measured: 2e-14.
-    let worst = Worst::new("momentum", "free linear block: sum of impulses - momentum, relative", 1e-11);
-    let mut block = scene(
-        r#"
-        name = "loose"
-        duration = 0.2
-        [mesh]
-        nodes = [5, 5, 3]
-        spacing = 0.0125
-        fixed = "none"
-        [material]
-        density = 8000.0
-        stiffness = 100.0
-        damping = 0.5
-        [local]
-        rings = "all"
-        [contact]
-        law = "sticking"
-        scheme = "velocity"
-        [instrument]
-        waypoints = [[0.0, -0.012, 0.0013, 0.001], [0.1, -0.012, 0.0013, -0.004], [0.2, 0.012, 0.0013, -0.012]]
-        "#,
-    );
-    for integrator in IMPLICIT {
-        for law in LAWS {
-            (block.integrator, block.contact.law) = (integrator, law);
-            let mut impulse = Vec3::zeros();
-            let (mut largest, mut difference) = (0.0_f64, 0.0_f64);
-            completes(&block, |view| {
-                impulse -= view.force * block.tick;
-                let (model, state) = (view.local.model(), view.local.state());
-                let momentum: Vec3 = model.patch.mass.iter().zip(&state.v).map(|(m, v)| v * *m).sum();
-                largest = largest.max(momentum.norm());
-                difference = difference.max((momentum - impulse).norm());
-            });
-            assert!(largest > 0.005, "{law:?}: {largest} N·s is no contact");
-            worst.check(difference / largest);
-        }
-    }
-}
-
 /// A G that turns impulses: where sticking would pull, or slip push backwards, sliding is solved and said so.
 #[test]
 fn a_law_without_a_solution_is_solved_as_sliding() {
@@ -485,70 +439,6 @@ fn fallbacks_are_counted() {
         let summary = recorder.summary(&scene, None, 0.0);
         assert_eq!(summary.fallback_ticks, counted);
         assert_eq!(counted > 0, expected, "{}: {counted}", integrator.name());
-    }
-}
-
-/// A smooth press and drag from a tip that starts on the surface at rest, resolved far below any step used.
-fn smooth_path() -> TipPath {
-    let blend = |t: f64| {
-        let t = t.clamp(0.0, 1.0);
-        t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
-    };
-    let at = |i: u32| {
-        let t = f64::from(i) / 32_000.0;
-        let position = Vec3::new(-0.01 + 0.004 * blend((t - 0.04) / 0.05), 0.0013, -0.003 * blend(t / 0.08));
-        Waypoint { time: t, position }
-    };
-    TipPath::new((0..=3200).map(at).collect()).expect("ascending times")
-}
-
-/// Order under the constraint, within one model: the linearisation is the same for every step.
-///
-/// It is one for all: the velocity at the tick's end is made the tip's mean velocity over the tick, which is that of half
-/// a tick before, and the force is a mean as well. Positions do not mind: where nothing depends on the velocity or on
-/// where the contact point has slid to, without dampers under sticking, they keep the second order.
-#[test]
-fn constrained_order() {
-    for (law, law_name) in [(Law::Sliding, "sliding"), (Law::Sticking, "sticking")] {
-        for (integrator, damping) in IMPLICIT.into_iter().flat_map(|each| [(each, 0.5), (each, 0.0)]) {
-            let runs = [1_u32, 2, 4, 8].map(|refinement| {
-                let mut scene = drag("deep-sliding", ContactSurface::Subdivision, law, integrator);
-                scene.material.damping = damping;
-                scene.path = smooth_path();
-                scene.tick /= f64::from(refinement);
-                (scene.tick_count, scene.ticks_per_cycle) = (90 * u64::from(refinement), 100 * refinement);
-                let (mut force, mut state) = (Vec3::zeros(), Vec::new());
-                completes(&scene, |view| {
-                    force = view.force;
-                    if view.tick + 1 == scene.tick_count {
-                        assert!(view.report.touch.is_some() && !view.report.rigid, "{law_name}: no contact");
-                        state.clone_from(&view.local.state().x);
-                    }
-                });
-                (force, state)
-            });
-            let distance =
-                |a: &[Vec3], b: &[Vec3]| a.iter().zip(b).map(|(a, b)| (a - b).norm_squared()).sum::<f64>().sqrt();
-            let of_force = [0, 1, 2].map(|i| (runs[i].0 - runs[i + 1].0).norm());
-            let of_state = [0, 1, 2].map(|i| distance(&runs[i].1, &runs[i + 1].1));
-            let order = |of: [f64; 3]| [(of[0] / of[1]).log2(), (of[1] / of[2]).log2()];
-            println!(
-                "RESIDUAL | convergence | {law_name}, {}, c = {damping}: order in h of force, of state | - | {:.2?} {:.2?} ({:.0e} N, {:.0e} m)",
-                integrator.name(),
-                order(of_force),
-                order(of_state),
-                of_force[2],
-                of_state[2]
-            );
-            let is_second = law == Law::Sticking && damping == 0.0 && integrator != LocalIntegrator::ImplicitEuler;
-            let (expected, allowed) = if is_second { (2.0, 0.1) } else { (1.0, 0.25) };
-            for (quantity, order, expected) in
-                [("force", order(of_force)[1], 1.0), ("state", order(of_state)[1], expected)]
-            {
-                let name = integrator.name();
-                assert!((order - expected).abs() <= allowed, "{law_name}, {name}, c = {damping}, {quantity}: {order}");
-            }
-        }
     }
 }
 
@@ -664,22 +554,6 @@ fn global_implicit_euler_is_the_dense_solution() {
             worst.check(state_distance(&sparse, &dense));
         }
     }
-}
-
-#[test]
-fn global_implicit_euler_is_of_first_order() {
-    let end = 0.05;
-    let after = |integrator, steps: u32| {
-        let (network, mut state) = swinging(100.0);
-        let mut stepper = Stepper::new(&network);
-        (0..steps).for_each(|_| stepper.step(integrator, &network, &mut state, end / f64::from(steps), &Unconstrained));
-        state
-    };
-    let exact = after(GlobalIntegrator::Rk4, 2000);
-    let errors = [200, 400, 800].map(|steps| state_distance(&after(GlobalIntegrator::ImplicitEuler, steps), &exact));
-    let orders = [(errors[0] / errors[1]).log2(), (errors[1] / errors[2]).log2()];
-    println!("RESIDUAL | convergence | implicit Euler of the network: orders | 0.15 | {orders:.2?}");
-    assert!((orders[1] - 1.0).abs() <= 0.15, "{orders:?}");
 }
 
 /// Ten times beyond the explicit limit, and at 1e8 N/m.

@@ -2,6 +2,7 @@
 //! saw beside its tolerance; every comparison is written so that NaN fails.
 
 mod accuracy;
+mod certificate;
 mod check;
 mod closed_loop;
 mod condensation;
@@ -14,6 +15,7 @@ mod linearization;
 mod multirate;
 mod network;
 mod operators;
+mod orders;
 mod phantom;
 mod phantom_motion;
 mod rest;

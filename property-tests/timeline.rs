@@ -4,6 +4,7 @@ use stickslip::Vec3;
 use stickslip::pipeline::Simulation;
 use stickslip::scene::Scene;
 use stickslip::timeline::{Arrival, Cost, Costs, Fate, OverrunPolicy, RecordedTimes, Timeline};
+use stickslip::verify::lateness::{SHARES, consequences};
 
 const SCENE: &str = "fig5-stick-slip";
 
@@ -170,4 +171,22 @@ fn a_log_normal_cost_has_the_percentiles_it_is_given_by() {
         let found = share_above(deadline);
         assert!((found - share).abs() <= four, "{found} above {deadline}, expected {share} ± {four}");
     }
+}
+
+#[test]
+fn more_lateness_does_more_and_none_does_nothing() {
+    let scene = Scene::shipped(SCENE).expect("shipped");
+    let found = consequences(&scene).expect("it runs");
+    assert_eq!(found.on_time.force_error_rms_rel, Some(0.0));
+    assert_eq!(found.on_time.missed_ticks, [0, 0]);
+    for of_policy in found.late.chunks(SHARES.len()) {
+        let errors: Vec<f64> = of_policy.iter().map(|c| c.force_error_rms_rel.expect("no fault")).collect();
+        assert!(errors.windows(2).all(|pair| pair[0] <= pair[1]) && errors[2] > 0.0, "{of_policy:?}");
+    }
+    // A zero in a force is felt; a force held for a tick hardly.
+    let error = |policy: OverrunPolicy| {
+        let worst = found.late.iter().rfind(|c| c.overrun == policy).expect("every policy is there");
+        worst.force_error_rms_rel.expect("no fault")
+    };
+    assert!(error(OverrunPolicy::Hold) < error(OverrunPolicy::Zero));
 }

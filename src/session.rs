@@ -115,7 +115,7 @@ pub struct Session {
 #[derive(Debug, Error, Diagnostic)]
 pub enum SessionError {
     /// The file cannot be read.
-    #[error("cannot read {path}: {source}")]
+    #[error("cannot read {path}")]
     #[diagnostic(help("give the session.json that a run with `schedule = \"threads\"` or a certificate left"))]
     Unreadable {
         /// Which.
@@ -124,7 +124,7 @@ pub enum SessionError {
         source: io::Error,
     },
     /// The file is something else.
-    #[error("{path} is not a recorded session: {source}")]
+    #[error("{path} is not a recorded session")]
     #[diagnostic(help("give the session.json that a run with `schedule = \"threads\"` or a certificate left"))]
     NotASession {
         /// Which.

@@ -1,6 +1,6 @@
 //! Instructions of ticks of `fig5-stick-slip` and of the forces of a network, held below limits.
 //!
-//! `cargo bench --manifest-path benches/instructions/Cargo.toml`; needs valgrind and
+//! `cargo bench --package stickslip-instructions`; needs valgrind and
 //! `cargo install gungraun-runner --version 0.20.0`. Counts depend on the compiler and the target
 //! features, not on how busy the machine is.
 

@@ -2,10 +2,13 @@
 //! prints, or ends the process.
 
 mod accuracy;
+#[cfg(all(feature = "realtime", target_os = "linux"))]
+mod certify;
 mod check;
 mod explain;
 #[cfg(all(feature = "realtime", target_os = "linux"))]
 mod interrupt;
+mod page;
 mod progress;
 mod replay;
 mod report;
@@ -28,6 +31,9 @@ use crate::scene::{Expectation, SHIPPED, Scene, SceneError};
 const PASS: u8 = 0;
 /// A verdict is FAIL, or a fault ended a run.
 const FAIL: u8 = 1;
+/// A verdict is INCONCLUSIVE, and none is FAIL.
+#[cfg(all(feature = "realtime", target_os = "linux"))]
+const INCONCLUSIVE: u8 = 3;
 /// The arguments, a scene or a file is not as it should be.
 const USAGE: u8 = 2;
 
@@ -107,6 +113,19 @@ enum Command {
         not as it should be.\n\nExample: stickslip accuracy deep-stick-slip --budget-us 5 --out /tmp/accuracy"
     )]
     Accuracy(accuracy::AccuracyArguments),
+    /// Whether the servo loop keeps its deadlines on this machine
+    #[cfg(all(feature = "realtime", target_os = "linux"))]
+    #[command(
+        after_help = "Runs the scene's loop in real time, on a thread of its own, and judges twice: what the program takes \
+        (compute), and whether commands came by their deadline on this machine (platform). A loop that does nothing runs \
+        between the ticks, so that what the machine does is told from what the program does. Ticks that took longest \
+        are done again, with warm and with cold caches. Writes DIR/certificate.md, certificate.json, session.json and \
+        two figures. Ctrl-C ends it with what it has.\n\nWithout the right to SCHED_FIFO (root, or `ulimit -r`) the \
+        platform part cannot pass.\n\nExit code 0: both parts PASS; 1: one FAILs; 3: neither fails, but one is \
+        INCONCLUSIVE; 2: the scene, an option or the output folder is not as it should be.\n\n\
+        Example: stickslip certify fig5-stick-slip --duration 60 --load cpu --out /tmp/certificate"
+    )]
+    Certify(certify::CertifyArguments),
     /// Do recorded ticks again, bit for bit
     #[command(
         after_help = "FILE is the session.json that a run with `schedule = \"threads\"` or a certificate left. Every \
@@ -141,6 +160,8 @@ pub fn main() -> ExitCode {
         Command::Explain { scene, json } => explain::explain(&scene, json),
         Command::Check(arguments) => check::check(&arguments),
         Command::Accuracy(arguments) => accuracy::accuracy(&arguments),
+        #[cfg(all(feature = "realtime", target_os = "linux"))]
+        Command::Certify(arguments) => certify::certify(&arguments),
         Command::Replay { file } => replay::replay(&file),
     };
     match done {

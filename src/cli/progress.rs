@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 /// Work shorter than this goes without.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Counts ticks of one or several runs.
+/// Counts what is done of one or several runs.
 pub struct Progress {
     bar: ProgressBar,
     start: Instant,
@@ -17,10 +17,12 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// For this many ticks in all.
-    pub fn new(ticks: u64) -> Self {
-        let bar = ProgressBar::with_draw_target(Some(ticks), ProgressDrawTarget::hidden());
-        if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} ticks, {eta} left") {
+    /// For this many in all of what is counted, of which `unit` is the name.
+    pub fn new(count: u64, unit: &str) -> Self {
+        let bar = ProgressBar::with_draw_target(Some(count), ProgressDrawTarget::hidden());
+        if let Ok(style) =
+            ProgressStyle::with_template(&format!("{{msg}} {{wide_bar}} {{pos}}/{{len}} {unit}, {{eta}} left"))
+        {
             bar.set_style(style);
         }
         Self { bar, start: Instant::now(), shown: false, done_before: 0 }
@@ -31,10 +33,10 @@ impl Progress {
         self.bar.set_message(name.to_owned());
     }
 
-    /// Ticks done in this run.
-    pub fn set(&mut self, ticks: u64) {
+    /// What is done of this run.
+    pub fn set(&mut self, done: u64) {
         self.show();
-        self.bar.set_position(self.done_before + ticks);
+        self.bar.set_position(self.done_before + done);
     }
 
     fn show(&mut self) {
@@ -44,7 +46,7 @@ impl Progress {
         }
     }
 
-    /// This run ended after its planned ticks, or before.
+    /// This run ended after what was planned, or before.
     pub fn end(&mut self, planned: u64) {
         self.show();
         self.done_before += planned;

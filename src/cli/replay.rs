@@ -14,7 +14,7 @@ pub fn replay(file: &Path) -> miette::Result<u8> {
     let session = Session::load(file)?;
     let scene = session.scene()?;
     Simulation::prepare(&scene)?;
-    let mut progress = Progress::new(session.passes.iter().map(|pass| pass.ticks).sum());
+    let mut progress = Progress::new(session.passes.iter().map(|pass| pass.ticks).sum(), "ticks");
     let mut all_same = true;
     let mut lines = Vec::new();
     for pass in &session.passes {

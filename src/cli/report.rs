@@ -2,9 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, PreEscaped, html};
 use serde::Serialize;
 
+use super::page::{self, Row};
 use super::progress::Progress;
 use super::run::execute;
 use super::{FAIL, PASS, load, say, table};
@@ -88,7 +89,7 @@ pub fn report(scenes: &[PathBuf], out: &Path) -> miette::Result<u8> {
     }
 
     let all = scenes.iter().map(|(scene, _)| scene).chain(grid.iter().map(|combination| &combination.scene));
-    let mut progress = Progress::new(all.map(|scene| scene.tick_count).sum());
+    let mut progress = Progress::new(all.map(|scene| scene.tick_count).sum(), "ticks");
     let mut reported = Vec::with_capacity(scenes.len());
     for (scene, expectation) in &scenes {
         progress.begin(&scene.name);
@@ -119,7 +120,7 @@ pub fn report(scenes: &[PathBuf], out: &Path) -> miette::Result<u8> {
         surfaces: (!compared.is_empty()).then_some(&compared),
     };
     write_json(&out.join("report.json"), &file)?;
-    write_file(&out.join("index.html"), page(&reported, &compared)?.into_string().as_bytes())?;
+    write_file(&out.join("index.html"), whole_page(&reported, &compared)?.into_string().as_bytes())?;
 
     say(table::runs(reported.iter().map(|r| (&r.run.summary, r.outcome()))))?;
     say(format_args!("report: {}", out.join("index.html").display()))?;
@@ -165,20 +166,6 @@ fn surface_figure(_: &[SurfaceEntry]) -> miette::Result<String> {
     Ok(String::new())
 }
 
-pub const STYLE: &str = "
-:root { color-scheme: light dark; font: 16px/1.5 system-ui, sans-serif; }
-body { max-width: 76rem; margin: 0 auto; padding: 1rem; }
-.wide { overflow-x: auto; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-th, td { padding: .3rem .7rem; border-bottom: 1px solid #8886; text-align: right; }
-td { white-space: nowrap; }
-th:first-child, td:first-child, th:nth-child(2), td:nth-child(2) { text-align: left; }
-.unexpected { color: #c22; font-weight: bold; }
-figure { margin: 2rem 0; }
-.pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(30rem, 100%), 1fr)); gap: 1rem; }
-figure svg { width: 100%; height: auto; background: #fff; border-radius: 6px; }
-";
-
 /// What the name of a scene over the limit surface ends with, after that of the scene it repeats.
 const VARIANT: &str = "-subdivision";
 
@@ -199,47 +186,40 @@ fn figure_of(r: &Reported) -> Markup {
 }
 
 fn surface_table(compared: &[SurfaceEntry]) -> Markup {
+    let head = [
+        "drag",
+        "surface, scheme",
+        "spacing (mm)",
+        "mean force (N)",
+        "largest jump (N)",
+        "jump / force",
+        "power above 100 Hz (N²)",
+        "ripple over the mesh",
+        "losses",
+        "mode switches (1/s)",
+        "energy residual",
+    ];
     let percent = |value: f64| format!("{:.2} %", 100.0 * value);
-    html! {
-        div.wide {
-            table {
-                thead {
-                    tr {
-                        @for head in [
-                            "drag", "surface, scheme", "spacing (mm)", "mean force (N)", "largest jump (N)", "jump / force",
-                            "power above 100 Hz (N²)", "ripple over the mesh", "losses", "mode switches (1/s)", "energy residual",
-                        ] { th { (head) } }
-                    }
-                }
-                tbody {
-                    @for entry in compared {
-                        @let felt = &entry.felt;
-                        tr {
-                            td { (entry.drag) }
-                            td { (entry.surface) ", " (entry.scheme) }
-                            td { (format!("{:.2}", 1e3 * entry.spacing_m)) }
-                            td { (format!("{:.3}", felt.mean_force_n)) }
-                            td { (format!("{:.4}", felt.largest_jump_n)) }
-                            td { (percent(felt.jump_relative)) }
-                            td { (format!("{:.1e}", felt.power_above_100_hz_n2)) }
-                            td { (felt.mesh_ripple_relative.map_or("–".to_owned(), percent)) }
-                            td { (felt.contact_losses) }
-                            td { (format!("{:.1}", felt.mode_switches_per_s)) }
-                            td {
-                                @match &felt.fault {
-                                    Some(fault) => (fault),
-                                    None => (percent(felt.energy_residual_relative)),
-                                }
-                            }
-                        }
-                    }
-                }
-            }
-        }
-    }
+    let row = |entry: &SurfaceEntry| {
+        let felt = &entry.felt;
+        [
+            entry.drag.to_owned(),
+            format!("{}, {}", entry.surface, entry.scheme),
+            format!("{:.2}", 1e3 * entry.spacing_m),
+            format!("{:.3}", felt.mean_force_n),
+            format!("{:.4}", felt.largest_jump_n),
+            percent(felt.jump_relative),
+            format!("{:.1e}", felt.power_above_100_hz_n2),
+            felt.mesh_ripple_relative.map_or("–".to_owned(), percent),
+            felt.contact_losses.to_string(),
+            format!("{:.1}", felt.mode_switches_per_s),
+            felt.fault.clone().unwrap_or_else(|| percent(felt.energy_residual_relative)),
+        ]
+    };
+    page::table("", head, compared.iter().map(row))
 }
 
-fn page(reported: &[Reported], compared: &[SurfaceEntry]) -> miette::Result<Markup> {
+fn whole_page(reported: &[Reported], compared: &[SurfaceEntry]) -> miette::Result<Markup> {
     let variant = |r: &Reported| {
         let name = format!("{}{VARIANT}", r.run.summary.scene);
         reported.iter().find(|other| other.run.summary.scene == name)
@@ -252,53 +232,35 @@ fn page(reported: &[Reported], compared: &[SurfaceEntry]) -> miette::Result<Mark
     let mut order: Vec<&Reported> = reported.iter().collect();
     // What failed comes first.
     order.sort_by_key(|r| r.as_expected());
-    Ok(html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { "stickslip report" }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                h1 { "stickslip report" }
-                p {
-                    "A tip is pressed into a block of masses, springs and dampers and dragged over it. The table has \
-                     a row per scene; its jump is the largest change of force between two ticks in contact, its \
-                     energy residual what the contact scheme and the exterior of the local model made or lost, \
-                     relative to the work of the instrument. Version "
-                    (env!("CARGO_PKG_VERSION")) "."
-                }
-                div.wide {
-                    table {
-                        thead { tr { @for head in table::HEAD { th { (head) } } } }
-                        tbody {
-                            @for r in &order {
-                                tr class=[(!r.as_expected()).then_some("unexpected")] {
-                                    @for cell in table::row(&r.run.summary, r.outcome()) { td { (cell) } }
-                                }
-                            }
-                        }
-                    }
-                }
-                @for r in order.iter().filter(|r| !is_variant(r)) {
-                    div.pair {
-                        (figure_of(r))
-                        @if let Some(variant) = variant(r) { (figure_of(variant)) }
-                    }
-                }
-                @if !compared.is_empty() {
-                    h2 { "Contact surfaces and schemes" }
-                    p {
-                        "The deep drags with the whole network at the haptic rate, so that nothing but the contact \
-                         differs, over two meshes of the same block, from the end of the press on. Filled marks: the \
-                         coarser mesh."
-                    }
-                    figure { (PreEscaped(&surfaces)) }
-                    (surface_table(compared))
-                }
+    let row = |r: &&Reported| Row {
+        class: (!r.as_expected()).then(|| "unexpected".to_owned()),
+        cells: table::row(&r.run.summary, r.outcome()),
+    };
+    let body = html! {
+        p {
+            "A tip is pressed into a block of masses, springs and dampers and dragged over it. The table has \
+             a row per scene; its jump is the largest change of force between two ticks in contact, its \
+             energy residual what the contact scheme and the exterior of the local model made or lost, \
+             relative to the work of the instrument. Version "
+            (env!("CARGO_PKG_VERSION")) "."
+        }
+        (page::table("", table::HEAD, order.iter().map(row)))
+        @for r in order.iter().filter(|r| !is_variant(r)) {
+            div.pair {
+                (figure_of(r))
+                @if let Some(variant) = variant(r) { (figure_of(variant)) }
             }
         }
-    })
+        @if !compared.is_empty() {
+            h2 { "Contact surfaces and schemes" }
+            p {
+                "The deep drags with the whole network at the haptic rate, so that nothing but the contact \
+                 differs, over two meshes of the same block, from the end of the press on. Filled marks: the \
+                 coarser mesh."
+            }
+            figure { (PreEscaped(&surfaces)) }
+            (surface_table(compared))
+        }
+    };
+    Ok(page::page("stickslip report", &body))
 }

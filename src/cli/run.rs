@@ -10,7 +10,7 @@ use crate::scene::{Scene, Schedule};
 pub fn run(scene: &Path, out: Option<PathBuf>) -> miette::Result<u8> {
     let (scene, _) = load(scene)?;
     let out = out.unwrap_or_else(|| Path::new("reports").join(&scene.name));
-    let mut progress = Progress::new(scene.tick_count);
+    let mut progress = Progress::new(scene.tick_count, "ticks");
     progress.begin(&scene.name);
     let (finished, is_same) = execute(&scene, &out, |ticks| progress.set(ticks))?;
     drop(progress);

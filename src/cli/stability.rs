@@ -8,11 +8,11 @@ use std::thread;
 use std::time::Duration;
 
 use comfy_table::{Table, presets::UTF8_FULL_CONDENSED};
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, PreEscaped, html};
 use serde::Serialize;
 
+use super::page::{self, Row};
 use super::progress::Progress;
-use super::report::STYLE;
 use super::{FAIL, PASS, load, say};
 use crate::output::files::{WriteError, write_file, write_json};
 use crate::pipeline::Simulation;
@@ -56,7 +56,7 @@ pub fn stability(scene: &Path, out: Option<PathBuf>) -> miette::Result<u8> {
     let points = points();
     let extremes: Vec<(&Extreme, Variant)> =
         EXTREMES.iter().flat_map(|extreme| Variant::ALL.map(|variant| (extreme, variant))).collect();
-    let mut progress = Progress::new((points.len() + extremes.len()) as u64);
+    let mut progress = Progress::new((points.len() + extremes.len()) as u64, "cases");
     progress.begin("extremes");
     let extremes = in_parallel(&extremes, &mut progress, |&(extreme, variant)| entry(extreme, variant));
     progress.end(extremes.len() as u64);
@@ -80,7 +80,7 @@ pub fn stability(scene: &Path, out: Option<PathBuf>) -> miette::Result<u8> {
         extremes: &extremes,
     };
     write_json(&out.join("stability.json"), &file)?;
-    let page = page(&scene, &maps, no_maps.as_deref(), &extremes)?;
+    let page = whole_page(&scene, &maps, no_maps.as_deref(), &extremes)?;
     write_file(&out.join("index.html"), page.into_string().as_bytes())?;
 
     say(extremes_table(&extremes))?;
@@ -144,12 +144,21 @@ fn in_parallel<T: Sync, R: Send>(items: &[T], progress: &mut Progress, of: impl 
     results.into_iter().map(|(_, result)| result).collect()
 }
 
+const EXTREME_HEAD: [&str; 5] = ["extreme", "contact", "expected", "got", "detail"];
+
+fn extreme_row(entry: &ExtremeEntry) -> [String; 5] {
+    [entry.scene, entry.contact, &entry.expected, entry.got, &entry.detail].map(str::to_owned)
+}
+
 fn extremes_table(extremes: &[ExtremeEntry]) -> Table {
     let mut table = Table::new();
-    table.load_style(UTF8_FULL_CONDENSED).set_header(["extreme", "contact", "expected", "got", "detail"]);
+    table.load_style(UTF8_FULL_CONDENSED).set_header(EXTREME_HEAD);
     for entry in extremes {
-        let got = if entry.as_expected { entry.got.to_owned() } else { format!("{}, UNEXPECTED", entry.got) };
-        table.add_row([entry.scene, entry.contact, &entry.expected, &got, &entry.detail]);
+        let mut row = extreme_row(entry);
+        if !entry.as_expected {
+            row[3] += ", UNEXPECTED";
+        }
+        table.add_row(row);
     }
     table
 }
@@ -169,12 +178,13 @@ fn step(limit_s: Option<f64>) -> String {
     }
 }
 
-const MAP_HEAD: [&str; 7] = ["varied", "integrator, exterior", "contact", "at", "predicted", "measured", "ratio"];
+const MAP_HEAD: [&str; 7] =
+    ["varied", "integrator, scheme, exterior", "contact", "at", "predicted", "measured", "ratio"];
 
 fn map_row(b: &Boundary) -> [String; 7] {
     [
         b.axis.name().to_owned(),
-        format!("{}, {}", b.integrator, b.exterior),
+        format!("{}, {}, {}", b.integrator, b.scheme, b.exterior),
         touching_name(b.touching).to_owned(),
         format!("{}", b.value),
         step(b.predicted_s),
@@ -199,20 +209,34 @@ fn disagreement(boundary: &Boundary) -> String {
 
 #[cfg(feature = "plots")]
 fn figure(axis: Axis, maps: &[Boundary]) -> miette::Result<String> {
-    use crate::output::limits::{Curve, limits};
-    let mut curves: Vec<Curve> = Vec::new();
+    use crate::output::limits::{Curve, Panel, limits};
+    let mut series: Vec<String> = Vec::new();
+    let mut panels: Vec<Panel> = Vec::new();
+    // The boundaries of one curve follow each other, in the order of the axis's values.
     for b in maps.iter().filter(|b| b.axis == axis) {
-        let name = format!("{}, {}, {}", b.integrator, b.exterior, touching_name(b.touching));
-        let index = curves.iter().position(|curve| curve.name == name).unwrap_or_else(|| {
-            curves.push(Curve { name, points: Vec::new() });
-            curves.len() - 1
-        });
-        if let (Some(predicted), Some(measured)) = (b.predicted_s, b.measured_s) {
-            curves[index].points.push([b.value, predicted, measured]);
-        }
+        let title = format!("{}, {}", b.integrator, b.scheme);
+        let panel = index_or_push(
+            &mut panels,
+            |panel| panel.title == title,
+            || Panel { title: title.clone(), curves: Vec::new() },
+        );
+        let name = format!("{}, {}", touching_name(b.touching), b.exterior);
+        let series = index_or_push(&mut series, |known| *known == name, || name.clone());
+        let curves = &mut panels[panel].curves;
+        let curve = index_or_push(curves, |curve| curve.series == series, || Curve { series, steps: Vec::new() });
+        curves[curve].steps.push([b.predicted_s, b.measured_s]);
     }
-    limits(axis.name(), axis != Axis::DampingRatio, &curves)
+    limits(axis.name(), axis.values(), &series, &panels)
         .map_err(|error| miette::miette!("cannot draw the limits: {error}"))
+}
+
+/// Where the item is; it is made if there is none.
+#[cfg(feature = "plots")]
+fn index_or_push<T>(items: &mut Vec<T>, is_it: impl Fn(&T) -> bool, make: impl FnOnce() -> T) -> usize {
+    items.iter().position(is_it).unwrap_or_else(|| {
+        items.push(make());
+        items.len() - 1
+    })
 }
 
 #[cfg(not(feature = "plots"))]
@@ -220,65 +244,46 @@ fn figure(_: Axis, _: &[Boundary]) -> miette::Result<String> {
     Ok(String::new())
 }
 
-fn page(scene: &Scene, maps: &[Boundary], no_maps: Option<&str>, extremes: &[ExtremeEntry]) -> miette::Result<Markup> {
+fn whole_page(
+    scene: &Scene,
+    maps: &[Boundary],
+    no_maps: Option<&str>,
+    extremes: &[ExtremeEntry],
+) -> miette::Result<Markup> {
     let figures = Axis::ALL.map(|axis| figure(axis, maps)).into_iter().collect::<miette::Result<Vec<_>>>()?;
-    Ok(html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { "stickslip: stability of " (scene.name) }
-                style { (PreEscaped(STYLE)) }
+    let extreme = |entry: &ExtremeEntry| Row {
+        class: (!entry.as_expected).then(|| "unexpected".to_owned()),
+        cells: extreme_row(entry),
+    };
+    let body = html! {
+        h2 { "Limits of the local step" }
+        p {
+            "The longest stable step of the local model at rest, free and with a point held by the tip. Lines: \
+             where the spectral radius of the one-step matrix reaches 1, or the contact finds no hold. Marks: where \
+             a perturbation of the running model begins to grow, or it lets go of the tip. Below: measured over \
+             predicted, with 2 % shaded. What is not varied is the scene's, but the scheme where an integrator takes \
+             only the velocity scheme. A drifting exterior has the limits of a fixed one."
+        }
+        @if let Some(reason) = no_maps {
+            p.unexpected { "No maps: " (reason) "." }
+        } @else {
+            @for (axis, figure) in Axis::ALL.iter().zip(&figures) {
+                figure { (PreEscaped(figure)) figcaption { "Longest stable step by " (axis.name()) "." } }
             }
-            body {
-                h1 { "stickslip: stability of " (scene.name) }
-                h2 { "Limits of the local step" }
-                p {
-                    "The longest stable step of the local model at rest, free and with a point held by the tip. Lines: \
-                     where the spectral radius of the one-step matrix reaches 1. Marks: where a perturbation of the \
-                     running model begins to grow. Below: measured over predicted, with 2 % shaded. What is not varied is \
-                     the scene's. A drifting exterior has the limits of a fixed one."
-                }
-                @if let Some(reason) = no_maps {
-                    p.unexpected { "No maps: " (reason) "." }
-                } @else {
-                    @for (axis, figure) in Axis::ALL.iter().zip(&figures) {
-                        figure { (PreEscaped(figure)) figcaption { "Longest stable step by " (axis.name()) "." } }
-                    }
-                    @for boundary in maps.iter().filter(|boundary| !boundary.agrees) {
-                        p.unexpected { (disagreement(boundary)) }
-                    }
-                    details {
-                        summary { "The numbers" }
-                        div.wide {
-                            table {
-                                thead { tr { @for head in MAP_HEAD { th { (head) } } } }
-                                tbody { @for boundary in maps { tr { @for cell in map_row(boundary) { td { (cell) } } } } }
-                            }
-                        }
-                    }
-                }
-                h2 { "Extremes" }
-                p {
-                    "Scenes that ask for more than is good for them. Each ends with the right answer, by a quantity that is \
-                     known otherwise, or with an error or fault that has a name."
-                }
-                div.wide {
-                    table {
-                        thead { tr { @for head in ["extreme", "contact", "expected", "got", "detail"] { th { (head) } } } }
-                        tbody {
-                            @for entry in extremes {
-                                tr class=[(!entry.as_expected).then_some("unexpected")] {
-                                    @for cell in [entry.scene, entry.contact, &entry.expected, entry.got, &entry.detail] {
-                                        td style="white-space: normal; text-align: left" { (cell) }
-                                    }
-                                }
-                            }
-                        }
-                    }
-                }
+            @for boundary in maps.iter().filter(|boundary| !boundary.agrees) {
+                p.unexpected { (disagreement(boundary)) }
+            }
+            details {
+                summary { "The numbers" }
+                (page::table("", MAP_HEAD, maps.iter().map(map_row)))
             }
         }
-    })
+        h2 { "Extremes" }
+        p {
+            "Scenes that ask for more than is good for them. Each ends with the right answer, by a quantity that is \
+             known otherwise, or with an error or fault that has a name."
+        }
+        (page::table("words", EXTREME_HEAD, extremes.iter().map(extreme)))
+    };
+    Ok(page::page(&format!("stickslip: stability of {}", scene.name), &body))
 }

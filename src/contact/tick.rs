@@ -48,6 +48,14 @@ pub enum Scheme {
 }
 
 impl Scheme {
+    /// The name in a scene.
+    pub fn name(self) -> &'static str {
+        match self {
+            Scheme::Geometric { .. } => "geometric",
+            Scheme::Velocity => "velocity",
+        }
+    }
+
     /// The inner product in which a tick projects. An impulse acts through the masses.
     pub fn metric(self) -> Metric {
         match self {

@@ -241,15 +241,6 @@ impl LocalModelBuilder {
                 LocalForces::Tangent(linear)
             }
         };
-        let (step, offset) = match &forces {
-            LocalForces::Tangent(linear) => {
-                let step = LinearStep::new(self.integrator, linear, &patch.mass, self.tick)?;
-                let offset = step.as_ref().map_or(linear.offset_len(), LinearStep::offset_len);
-                (step, vec![0.0; offset])
-            }
-            LocalForces::SpringsAnd(linear) => (None, vec![0.0; linear.offset_len()]),
-            LocalForces::Springs => (None, Vec::new()),
-        };
         let boxes = Boxes::new(self.tree.clone(), surface, &self.geometry, &exterior.vertices);
         let state = LocalState {
             f: vec![Vec3::zeros(); x.len()],
@@ -261,8 +252,8 @@ impl LocalModelBuilder {
             },
             x,
             v,
-            response: step.as_ref().map_or_else(ContactResponse::default, |_| ContactResponse::new(patch.len())),
-            offset,
+            response: ContactResponse::default(),
+            offset: Vec::new(),
             work: WorkCounts::default(),
         };
         let model = LocalModel {
@@ -273,15 +264,42 @@ impl LocalModelBuilder {
             geometry: self.geometry.clone(),
             exterior,
             forces,
-            step,
+            step: None,
             external: network.external.clone(),
             condensation: condensed.map(|Condensed { outcome, size, .. }| (outcome, size)),
         };
-        Ok((model, state))
+        model.integrated(state, self.integrator, self.tick)
     }
 }
 
 impl LocalModel {
+    /// The same model and state for ticks of `tick` seconds by this integrator. Nonlinear forces take the explicit
+    /// one only.
+    ///
+    /// # Errors
+    /// If the integrator's equations have no solution.
+    pub fn integrated(
+        mut self,
+        mut state: LocalState,
+        integrator: LocalIntegrator,
+        tick: f64,
+    ) -> Result<(Self, LocalState), ModelError> {
+        let (step, offset) = match &self.forces {
+            LocalForces::Tangent(linear) => {
+                let step = LinearStep::new(integrator, linear, &self.patch.mass, tick)?;
+                let offset = step.as_ref().map_or(linear.offset_len(), LinearStep::offset_len);
+                (step, offset)
+            }
+            LocalForces::SpringsAnd(linear) => (None, linear.offset_len()),
+            LocalForces::Springs => (None, 0),
+        };
+        state.response =
+            step.as_ref().map_or_else(ContactResponse::default, |_| ContactResponse::new(self.patch.len()));
+        state.offset = vec![0.0; offset];
+        self.step = step;
+        Ok((self, state))
+    }
+
     /// K and D of a model whose forces are linear.
     pub fn linear_forces(&self) -> Option<&LinearForces> {
         match &self.forces {

@@ -12,7 +12,8 @@
 //! - *Exponential*: with y = (x/h, v) it is ẏ = Zy/h + …, Z = \[0 I; a d\], a = h²M⁻¹K, d = hM⁻¹D. A force that is
 //!   constant over the tick adds φ₁(Z)(0; hM⁻¹F) to y, φ₁(Z) = ∫₀¹ e^{sZ} ds. With P and Q the blocks of
 //!   φ₁(Z)(0; I) and F = Λ/h: A⁻¹ = QM⁻¹ and X = hPM⁻¹. The force at the tick's start does the same, what it grows
-//!   by in the tick, h(t' − t)g, adds φ₂(Z)(0; h²M⁻¹g), and e^Z = I + φ₁(Z)Z.
+//!   by in the tick, h(t' − t)g, adds φ₂(Z)(0; h²M⁻¹g), and what the state differs from the model's start by goes to
+//!   e^Z of it.
 //!
 //! G = WA⁻¹Wᵀ is thus, for all three, what an impulse spread over the tick adds to the contact point's velocity at its
 //! end. It is positive for the first two where K is semidefinite. The exact one has sin(hω)/hω in every mode of frequency
@@ -39,6 +40,10 @@ pub enum LocalIntegrator {
 }
 
 impl LocalIntegrator {
+    /// All.
+    pub const ALL: [Self; 4] =
+        [Self::SemiImplicitEuler, Self::ImplicitEuler, Self::ImplicitMidpoint, Self::Exponential];
+
     /// The name in a scene.
     pub fn name(self) -> &'static str {
         match self {
@@ -264,24 +269,26 @@ impl Dense {
         };
         let (a, d) = (by_mass(&self.k, h * h), by_mass(&self.d, h));
         let growth = self.growth.component_div(&self.mass) * (h * h);
-        let Phi { p, q, growth: [growth_x, growth_v] } = Phi::new(&a, &d, &growth);
+        let Phi { e, one, two } = Phi::new(&a, &d, &growth);
+        let n = a.nrows();
+        let [p, q] = [0, n].map(|at| one.rows(at, n).into_owned());
+        let [growth_x, growth_v] = [0, n].map(|at| two.rows(at, n).into_owned());
+        let block = |i: usize, j: usize| e.view((i * n, j * n), (n, n));
         let from_mass = |matrix: &DMatrix<f64>, scale: f64| {
             DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| matrix[(i, j)] * (scale / self.mass[j]))
         };
         // Forces at the tick's start, N, on v and on x.
         let (force_v, force_x) = (from_mass(&q, h), from_mass(&p, h * h));
-        let identity = DMatrix::identity(a.nrows(), a.nrows());
-        let feedback = &a * &p + &d * &q;
         let velocity = Affine {
-            constant: &self.v0 + &force_v * &self.f0 + (&feedback - &q * &d) * &self.v0 + growth_v,
-            by_x: &force_v * &self.k,
-            by_v: identity.clone() + &feedback,
+            constant: &force_v * &self.f0 + (block(1, 1) - &q * &d) * &self.v0 + growth_v,
+            by_x: block(1, 0) / h,
+            by_v: block(1, 1).into_owned(),
             growth: &force_v * &self.growth,
         };
         let position = Affine {
-            constant: &self.x0 + &force_x * &self.f0 + ((&q - &p * &d) * &self.v0 + growth_x) * h,
-            by_x: identity + &force_x * &self.k,
-            by_v: &q * h,
+            constant: &self.x0 + &force_x * &self.f0 + ((block(0, 1) - &p * &d) * &self.v0 + growth_x) * h,
+            by_x: block(0, 0).into_owned(),
+            by_v: block(0, 1) * h,
             growth: &force_x * &self.growth,
         };
         LinearStep {
@@ -306,49 +313,55 @@ fn blocks(matrix: &DMatrix<f64>) -> Vec<Mat3> {
     (0..m * m).map(block).collect()
 }
 
-/// φ₁(Z)(0; I) = (P; Q) and φ₂(Z)(0; ĝ) for Z = \[0 I; a d\].
+/// e^Z, φ₁(Z)(0; I) and φ₂(Z)(0; ĝ) for Z = \[0 I; a d\].
 struct Phi {
-    p: DMatrix<f64>,
-    q: DMatrix<f64>,
-    growth: [DVector<f64>; 2],
+    e: DMatrix<f64>,
+    one: DMatrix<f64>,
+    two: DVector<f64>,
 }
 
 /// Terms of the Taylor series: the first left out is below 2⁻⁵³ of the first for |Z| ≤ ½.
 const TERMS: u32 = 14;
 
 impl Phi {
-    /// Taylor's series for Z/2^s, then s doublings: φ₁(2Z) = ½(e^Z φ₁(Z) + φ₁(Z)) and
-    /// φ₂(2Z) = ¼(e^Z φ₂(Z) + φ₁(Z) + φ₂(Z)). φ₁ is what is carried along: e^Z − I would cancel.
+    /// Taylor's series for Z/2^s, then s doublings: φ₂(2Z) = ¼(e^Z φ₂(Z) + φ₁(Z) + φ₂(Z)),
+    /// φ₁(2Z) = ½(e^Z φ₁(Z) + φ₁(Z)), e^{2Z} = e^Z e^Z. Neither is φ₁ taken from e^Z − I, which cancels in slow modes,
+    /// nor e^Z from I + φ₁Z: in fast ones every doubling would multiply its rounding by |Z|, which doubles itself.
     fn new(a: &DMatrix<f64>, d: &DMatrix<f64>, growth: &DVector<f64>) -> Self {
         let n = a.nrows();
         let identity = DMatrix::<f64>::identity(n, n);
         // The norm of Z in the units of x in which its blocks are of one size.
         let size = row_sum(a).sqrt() + row_sum(d);
         let doublings = (2.0 * size).log2().ceil().clamp(0.0, f64::from(f64::MAX_EXP));
-        let mut e = (-doublings).exp2();
+        let scale = (-doublings).exp2();
 
         let (mut p, mut q) = (DMatrix::zeros(n, n), identity.clone());
         let mut ramp = [DVector::zeros(n), growth * 0.5];
         for term in (2..=TERMS).rev() {
-            let share = e / f64::from(term);
+            let share = scale / f64::from(term);
             (p, q) = (&q * share, &identity + (a * &p + d * &q) * share);
         }
         for term in (3..=TERMS).rev() {
-            let share = e / f64::from(term);
+            let share = scale / f64::from(term);
             ramp = [&ramp[1] * share, growth * 0.5 + (a * &ramp[0] + d * &ramp[1]) * share];
         }
-        for _ in 0..doublings as u32 {
-            // e^Z = I + φ₁Z on (I; 0), I + Zφ₁ on (0; I).
-            let (xx, vx) = (&p * a * e + &identity, &q * a * e);
-            let (xv, vv) = (&q * e, (a * &p + d * &q) * e + &identity);
-            ramp = [
-                (&xx * &ramp[0] + &xv * &ramp[1] + &p * growth + &ramp[0]) * 0.25,
-                (&vx * &ramp[0] + &vv * &ramp[1] + &q * growth + &ramp[1]) * 0.25,
-            ];
-            (p, q) = ((&xx * &p + &xv * &q + &p) * 0.5, (&vx * &p + &vv * &q + &q) * 0.5);
-            e *= 2.0;
+        // I + φ₁Z on (I; 0), I + Zφ₁ on (0; I): here |Z| is small.
+        let mut e = DMatrix::identity(2 * n, 2 * n);
+        for (at, block) in [((0, 0), &p * a), ((0, n), q.clone()), ((n, 0), &q * a), ((n, n), a * &p + d * &q)] {
+            e.view_mut(at, (n, n)).zip_apply(&block, |e, block| *e += block * scale);
         }
-        Self { p, q, growth: ramp }
+        let mut one = DMatrix::zeros(2 * n, n);
+        one.rows_mut(0, n).copy_from(&p);
+        one.rows_mut(n, n).copy_from(&q);
+        let mut two = DVector::zeros(2 * n);
+        two.rows_mut(0, n).copy_from(&ramp[0]);
+        two.rows_mut(n, n).copy_from(&ramp[1]);
+        for _ in 0..doublings as u32 {
+            two = (&e * &two + &one * growth + &two) * 0.25;
+            one = (&e * &one + &one) * 0.5;
+            e = &e * &e;
+        }
+        Self { e, one, two }
     }
 }
 

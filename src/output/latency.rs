@@ -4,14 +4,12 @@ use std::io;
 
 use plotters::prelude::*;
 
+use super::axes::{Area, BLUE, Drawn, GREY, document, legend, quiet};
+
 const SIZE: (u32, u32) = (900, 420);
-const TICKS: RGBColor = RGBColor(24, 90, 157);
-const CONTROL: RGBColor = RGBColor(120, 120, 120);
 const DEADLINE: RGBColor = RGBColor(200, 60, 40);
 /// Shortest time that is drawn, µs.
 const SHORTEST_US: f64 = 0.1;
-
-type Drawn = Result<(), Box<dyn std::error::Error>>;
 
 /// A stretch of a run.
 #[derive(Debug, Clone, Copy)]
@@ -29,9 +27,7 @@ pub struct Stretch {
 /// # Errors
 /// If the plotting library cannot draw it.
 pub fn over_time(stretches: &[Stretch], deadline_us: f64) -> io::Result<String> {
-    let mut svg = String::new();
-    draw_over_time(&mut svg, stretches, deadline_us).map_err(|error| io::Error::other(error.to_string()))?;
-    Ok(svg)
+    document(SIZE, |area| draw_over_time(area, stretches, deadline_us))
 }
 
 /// Shares of ticks that take longer than a time (µs), of the servo loop and of the empty one, on logarithmic
@@ -40,9 +36,7 @@ pub fn over_time(stretches: &[Stretch], deadline_us: f64) -> io::Result<String> 
 /// # Errors
 /// If the plotting library cannot draw it.
 pub fn tails(servo: &[(f64, f64)], control: &[(f64, f64)], deadline_us: f64) -> io::Result<String> {
-    let mut svg = String::new();
-    draw_tails(&mut svg, servo, control, deadline_us).map_err(|error| io::Error::other(error.to_string()))?;
-    Ok(svg)
+    document(SIZE, |area| draw_tails(area, servo, control, deadline_us))
 }
 
 fn decades(values: impl Iterator<Item = f64>, deadline_us: f64) -> (f64, f64) {
@@ -53,24 +47,20 @@ fn decades(values: impl Iterator<Item = f64>, deadline_us: f64) -> (f64, f64) {
     (10_f64.powf(bottom.log10().floor()), 10_f64.powf((top * 1.05).log10().ceil()))
 }
 
-fn draw_over_time(svg: &mut String, stretches: &[Stretch], deadline_us: f64) -> Drawn {
+fn draw_over_time(area: &Area, stretches: &[Stretch], deadline_us: f64) -> Drawn {
     let values =
         stretches.iter().flat_map(|stretch| [stretch.response_us[0], stretch.response_us[1], stretch.control_us]);
     let (bottom, top) = decades(values, deadline_us);
     let end = stretches.last().map_or(1.0, |stretch| stretch.time_s).max(1e-3);
-    let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
-    root.fill(&WHITE)?;
-    let mut chart = ChartBuilder::on(&root)
+    let mut chart = ChartBuilder::on(area)
         .margin(12)
         .x_label_area_size(44)
         .y_label_area_size(72)
         .build_cartesian_2d(0.0..end, (bottom..top).log_scale())?;
-    chart
-        .configure_mesh()
+    quiet(&mut chart.configure_mesh())
         .x_desc("time (s)")
         .y_desc("response (µs)")
         .y_label_formatter(&|us| format!("{us}"))
-        .light_line_style(WHITE)
         .draw()?;
     let line = |of: fn(&Stretch) -> f64| {
         stretches.iter().map(move |s| (s.time_s, of(s))).filter(|(_, us)| *us > SHORTEST_US).collect::<Vec<_>>()
@@ -84,34 +74,28 @@ fn draw_over_time(svg: &mut String, stretches: &[Stretch], deadline_us: f64) -> 
         Ok(())
     };
     if !control.is_empty() {
-        series(control, CONTROL.stroke_width(1), "longest of the empty loop")?;
+        series(control, GREY.stroke_width(1), "longest of the empty loop")?;
     }
-    series(line(|s| s.response_us[0]), TICKS.stroke_width(1), "longest of the stretch")?;
-    series(line(|s| s.response_us[1]), TICKS.mix(0.5).stroke_width(2), "mean of the stretch")?;
+    series(line(|s| s.response_us[0]), BLUE.stroke_width(1), "longest of the stretch")?;
+    series(line(|s| s.response_us[1]), BLUE.mix(0.5).stroke_width(2), "mean of the stretch")?;
     series(vec![(0.0, deadline_us), (end, deadline_us)], DEADLINE.stroke_width(2), "deadline")?;
-    chart.configure_series_labels().background_style(WHITE.mix(0.8)).border_style(CONTROL).draw()?;
-    root.present()?;
-    Ok(())
+    legend(&mut chart, SeriesLabelPosition::UpperLeft, 10, 24)
 }
 
-fn draw_tails(svg: &mut String, servo: &[(f64, f64)], control: &[(f64, f64)], deadline_us: f64) -> Drawn {
+fn draw_tails(area: &Area, servo: &[(f64, f64)], control: &[(f64, f64)], deadline_us: f64) -> Drawn {
     let (left, right) = decades(servo.iter().chain(control).map(|point| point.0), deadline_us);
     let rarest = servo.iter().chain(control).map(|point| point.1).filter(|share| *share > 0.0).fold(0.1, f64::min);
     let bottom = 10_f64.powf(rarest.log10().floor());
-    let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
-    root.fill(&WHITE)?;
-    let mut chart = ChartBuilder::on(&root)
+    let mut chart = ChartBuilder::on(area)
         .margin(12)
         .x_label_area_size(44)
         .y_label_area_size(72)
         .build_cartesian_2d((left..right).log_scale(), (bottom..1.0).log_scale())?;
-    chart
-        .configure_mesh()
+    quiet(&mut chart.configure_mesh())
         .x_desc("response (µs)")
         .y_desc("share of ticks that take longer")
         .x_label_formatter(&|us| format!("{us}"))
         .y_label_formatter(&|share| format!("{share:.0e}"))
-        .light_line_style(WHITE)
         .draw()?;
     let mut series = |points: Vec<(f64, f64)>, style: ShapeStyle, name: &str| -> Drawn {
         chart
@@ -122,11 +106,9 @@ fn draw_tails(svg: &mut String, servo: &[(f64, f64)], control: &[(f64, f64)], de
     };
     let drawn = |points: &[(f64, f64)]| points.iter().copied().filter(|(us, _)| *us > SHORTEST_US).collect::<Vec<_>>();
     if !control.is_empty() {
-        series(drawn(control), CONTROL.stroke_width(2), "the empty loop")?;
+        series(drawn(control), GREY.stroke_width(2), "the empty loop")?;
     }
-    series(drawn(servo), TICKS.stroke_width(2), "the servo loop")?;
+    series(drawn(servo), BLUE.stroke_width(2), "the servo loop")?;
     series(vec![(deadline_us, bottom), (deadline_us, 1.0)], DEADLINE.stroke_width(2), "deadline")?;
-    chart.configure_series_labels().background_style(WHITE.mix(0.8)).border_style(CONTROL).draw()?;
-    root.present()?;
-    Ok(())
+    legend(&mut chart, SeriesLabelPosition::LowerLeft, 10, 24)
 }

@@ -1,5 +1,7 @@
 //! What a run leaves behind: `trace.csv`, `network.json`, `summary.json` and the force plot.
 
+#[cfg(feature = "plots")]
+mod axes;
 pub mod files;
 #[cfg(all(feature = "plots", feature = "realtime", target_os = "linux"))]
 pub mod latency;

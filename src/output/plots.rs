@@ -7,11 +7,12 @@ use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
+use super::axes::{Area, BLUE, Drawn, GREEN, ORANGE, document, legend, quiet};
 use super::summary::Sample;
 
 const SIZE: (u32, u32) = (900, 420);
-const NORMAL: RGBColor = RGBColor(24, 90, 157);
-const TANGENTIAL: RGBColor = RGBColor(200, 80, 30);
+const NORMAL: RGBColor = BLUE;
+const TANGENTIAL: RGBColor = ORANGE;
 /// Buckets per curve: more than the figure has columns of pixels.
 const BUCKETS: usize = 2000;
 
@@ -20,9 +21,7 @@ const BUCKETS: usize = 2000;
 /// # Errors
 /// If the plotting library cannot draw it.
 pub fn forces(title: &str, samples: &[Sample]) -> io::Result<String> {
-    let mut svg = String::new();
-    draw(&mut svg, title, samples).map_err(|error| io::Error::other(error.to_string()))?;
-    Ok(svg)
+    document(SIZE, |root| draw(root, title, samples))
 }
 
 /// A mark in [`jumps`].
@@ -44,32 +43,27 @@ pub struct Jump {
 /// # Errors
 /// If the plotting library cannot draw it.
 pub fn jumps(columns: &[String], series: &[&str], marks: &[Jump]) -> io::Result<String> {
-    let mut svg = String::new();
-    draw_jumps(&mut svg, columns, series, marks).map_err(|error| io::Error::other(error.to_string()))?;
-    Ok(svg)
+    document(SIZE, |root| draw_jumps(root, columns, series, marks))
 }
 
-fn draw_jumps(svg: &mut String, columns: &[String], series: &[&str], marks: &[Jump]) -> Drawn {
-    const COLOURS: [RGBColor; 3] = [NORMAL, RGBColor(90, 140, 60), TANGENTIAL];
-    let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
-    root.fill(&WHITE)?;
+fn draw_jumps(root: &Area, columns: &[String], series: &[&str], marks: &[Jump]) -> Drawn {
+    const COLOURS: [RGBColor; 3] = [NORMAL, GREEN, TANGENTIAL];
     let right = columns.len() as f64;
-    let mut chart = ChartBuilder::on(&root)
+    let mut chart = ChartBuilder::on(root)
         .caption("largest change of force between two ticks over the mean force", ("sans-serif", 18))
         .margin(12)
         .x_label_area_size(44)
         .y_label_area_size(64)
         .build_cartesian_2d(0.0..right, (1e-4..1e2).log_scale())?;
-    chart
-        .configure_mesh()
-        .disable_x_mesh()
-        // Labels stand on whole numbers; the columns' names go between them.
-        .x_labels(0)
-        .y_label_formatter(&|value| format!("{value:e}"))
-        .light_line_style(BLACK.mix(0.04))
-        .bold_line_style(BLACK.mix(0.12))
-        .label_style(("sans-serif", 14))
-        .draw()?;
+    quiet(
+        chart
+            .configure_mesh()
+            .disable_x_mesh()
+            // Labels stand on whole numbers; the columns' names go between them.
+            .x_labels(0)
+            .y_label_formatter(&|value| format!("{value:e}")),
+    )
+    .draw()?;
     for (i, column) in columns.iter().enumerate() {
         let style = ("sans-serif", 13).into_font().color(&BLACK).pos(Pos::new(HPos::Center, VPos::Top));
         for (line, text) in column.split(' ').enumerate() {
@@ -87,39 +81,20 @@ fn draw_jumps(svg: &mut String, columns: &[String], series: &[&str], marks: &[Ju
         });
         chart.draw_series(drawn)?.label(*name).legend(move |(x, y)| Circle::new((x + 12, y), 5, colour.filled()));
     }
-    chart
-        .configure_series_labels()
-        .position(SeriesLabelPosition::UpperRight)
-        .margin(10)
-        .border_style(BLACK.mix(0.2))
-        .background_style(WHITE.mix(0.8))
-        .label_font(("sans-serif", 14))
-        .draw()?;
-    root.present()?;
+    legend(&mut chart, SeriesLabelPosition::UpperRight, 10, 30)?;
     Ok(())
 }
 
-pub(super) type Drawn = Result<(), Box<dyn std::error::Error>>;
-
-fn draw(svg: &mut String, title: &str, samples: &[Sample]) -> Drawn {
-    let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
-    root.fill(&WHITE)?;
+fn draw(root: &Area, title: &str, samples: &[Sample]) -> Drawn {
     let end = samples.last().map_or(1.0, |sample| sample.time);
     let top = samples.iter().map(|s| s.normal_force.max(s.tangential_force)).fold(0.0, f64::max);
-    let mut chart = ChartBuilder::on(&root)
+    let mut chart = ChartBuilder::on(root)
         .caption(title, ("sans-serif", 20))
         .margin(12)
         .x_label_area_size(44)
         .y_label_area_size(58)
         .build_cartesian_2d(0.0..end, 0.0..if top > 0.0 { 1.2 * top } else { 1.0 })?;
-    chart
-        .configure_mesh()
-        .x_desc("time (s)")
-        .y_desc("force on the instrument (N)")
-        .light_line_style(BLACK.mix(0.04))
-        .bold_line_style(BLACK.mix(0.12))
-        .label_style(("sans-serif", 14))
-        .draw()?;
+    quiet(chart.configure_mesh().x_desc("time (s)").y_desc("force on the instrument (N)")).draw()?;
     let curve = |of: fn(&Sample) -> f64| thinned(samples, of);
     let normal = ShapeStyle::from(NORMAL).stroke_width(2);
     let tangential = ShapeStyle::from(TANGENTIAL).stroke_width(2);
@@ -131,16 +106,7 @@ fn draw(svg: &mut String, title: &str, samples: &[Sample]) -> Drawn {
         .draw_series(DashedLineSeries::new(curve(|s| s.tangential_force), 2, 4, tangential))?
         .label("tangential")
         .legend(move |(x, y)| DashedPathElement::new(vec![(x, y), (x + 26, y)], 2, 4, tangential));
-    chart
-        .configure_series_labels()
-        .position(SeriesLabelPosition::UpperLeft)
-        .margin(14)
-        .legend_area_size(34)
-        .border_style(BLACK.mix(0.2))
-        .background_style(WHITE.mix(0.8))
-        .label_font(("sans-serif", 14))
-        .draw()?;
-    root.present()?;
+    legend(&mut chart, SeriesLabelPosition::UpperLeft, 14, 34)?;
     Ok(())
 }
 

@@ -2,17 +2,16 @@
 
 use std::io;
 
-use plotters::coord::Shift;
 use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::plots::{Drawn, thinned};
+use super::axes::{Area, BLUE, Drawn, GREEN, GREY, ORANGE, document, legend, quiet};
+use super::plots::thinned;
 use super::summary::Sample;
 
 const SIZE: (u32, u32) = (900, 520);
-const COLOURS: [RGBColor; 4] =
-    [RGBColor(24, 90, 157), RGBColor(90, 140, 60), RGBColor(200, 80, 30), RGBColor(120, 120, 120)];
+const COLOURS: [RGBColor; 4] = [BLUE, GREEN, ORANGE, GREY];
 /// Relative errors from here to [`HIGHEST`] have a place of their own at most.
 const LOWEST: f64 = 1e-5;
 /// The rail of what diverged.
@@ -64,9 +63,7 @@ pub struct Precision<'a> {
 /// # Errors
 /// If the plotting library cannot draw it.
 pub fn precision(figure: &Precision) -> io::Result<String> {
-    let mut svg = String::new();
-    draw_precision(&mut svg, figure).map_err(|error| io::Error::other(error.to_string()))?;
-    Ok(svg)
+    document(SIZE, |root| draw_precision(root, figure))
 }
 
 /// Normal (solid) and tangential (dotted) force of several runs over time, as an SVG document.
@@ -74,21 +71,17 @@ pub fn precision(figure: &Precision) -> io::Result<String> {
 /// # Errors
 /// If the plotting library cannot draw it.
 pub fn compared_forces(title: &str, runs: &[(&str, &[Sample])]) -> io::Result<String> {
-    let mut svg = String::new();
-    draw_forces(&mut svg, title, runs).map_err(|error| io::Error::other(error.to_string()))?;
-    Ok(svg)
+    document(SIZE, |root| draw_forces(root, title, runs))
 }
 
-fn draw_precision(svg: &mut String, figure: &Precision) -> Drawn {
-    let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
-    root.fill(&WHITE)?;
+fn draw_precision(root: &Area, figure: &Precision) -> Drawn {
     let costs = || figure.marks.iter().filter_map(|mark| mark.cost).chain([figure.budget]);
     let left = costs().filter(|&cost| cost > 0.0).fold(f64::INFINITY, f64::min) / 2.0;
     let right = costs().fold(0.0, f64::max) * 2.0;
     let errors = figure.marks.iter().map(|mark| mark.error).chain([figure.floor, figure.perception]);
     let bottom = errors.filter(|&error| error > 0.0).fold(1.0, f64::min).max(LOWEST) / 2.0;
     let top = 2.0 * HIGHEST;
-    let mut chart = ChartBuilder::on(&root)
+    let mut chart = ChartBuilder::on(root)
         .caption(figure.title, ("sans-serif", 18))
         .margin(12)
         .x_label_area_size(44)
@@ -96,16 +89,15 @@ fn draw_precision(svg: &mut String, figure: &Precision) -> Drawn {
         .build_cartesian_2d((left..right).log_scale(), (bottom..top).log_scale())?;
     let floor = figure.floor.clamp(bottom, top);
     chart.draw_series([Rectangle::new([(left, bottom), (right, floor)], BLACK.mix(0.06).filled())])?;
-    chart
-        .configure_mesh()
-        .x_desc(figure.cost)
-        .y_desc("force error, relative RMS")
-        .x_label_formatter(&|value| format!("{value}"))
-        .y_label_formatter(&|value| format!("{} %", 100.0 * (value * 1e9).round() / 1e9))
-        .light_line_style(BLACK.mix(0.04))
-        .bold_line_style(BLACK.mix(0.12))
-        .label_style(("sans-serif", 14))
-        .draw()?;
+    quiet(
+        chart
+            .configure_mesh()
+            .x_desc(figure.cost)
+            .y_desc("force error, relative RMS")
+            .x_label_formatter(&|value| format!("{value}"))
+            .y_label_formatter(&|value| format!("{} %", 100.0 * (value * 1e9).round() / 1e9)),
+    )
+    .draw()?;
 
     let rule = BLACK.mix(0.6).stroke_width(1);
     let across = |error: f64| [(left, error), (right, error)];
@@ -146,17 +138,10 @@ fn draw_precision(svg: &mut String, figure: &Precision) -> Drawn {
         let diverged = of_group().filter(|mark| mark.diverged);
         chart.draw_series(diverged.map(|mark| Cross::new(place(mark), 5, colour.stroke_width(2))))?;
     }
-    chart
-        .configure_series_labels()
-        .position(SeriesLabelPosition::LowerLeft)
-        .margin(12)
-        .border_style(BLACK.mix(0.2))
-        .background_style(WHITE.mix(0.8))
-        .label_font(("sans-serif", 14))
-        .draw()?;
+    legend(&mut chart, SeriesLabelPosition::LowerLeft, 12, 30)?;
 
     let write =
-        |(x, y): (i32, i32), text: &str, h: HPos, v: VPos| -> Drawn { text_at(&root, (x, y), text, Pos::new(h, v)) };
+        |(x, y): (i32, i32), text: &str, h: HPos, v: VPos| -> Drawn { text_at(root, (x, y), text, Pos::new(h, v)) };
     let at = |point: (f64, f64)| chart.backend_coord(&point);
     let beside = |(x, y): (i32, i32), dx: i32, dy: i32| (x + dx, y + dy);
     write(beside(at((right, figure.perception)), -4, -2), "10 %: a hand feels more", HPos::Right, VPos::Bottom)?;
@@ -168,37 +153,27 @@ fn draw_precision(svg: &mut String, figure: &Precision) -> Drawn {
             write(beside(at(place(mark)), -10, 0), label, HPos::Right, VPos::Center)?;
         }
     }
-    root.present()?;
     Ok(())
 }
 
-fn text_at(root: &DrawingArea<SVGBackend, Shift>, at: (i32, i32), text: &str, pos: Pos) -> Drawn {
+fn text_at(root: &Area, at: (i32, i32), text: &str, pos: Pos) -> Drawn {
     root.draw_text(text, &("sans-serif", 13).into_font().color(&BLACK).pos(pos), at)?;
     Ok(())
 }
 
-fn draw_forces(svg: &mut String, title: &str, runs: &[(&str, &[Sample])]) -> Drawn {
-    let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
-    root.fill(&WHITE)?;
+fn draw_forces(root: &Area, title: &str, runs: &[(&str, &[Sample])]) -> Drawn {
     let end = runs.iter().filter_map(|(_, samples)| samples.last()).map(|last| last.time).fold(0.0, f64::max);
     // The first run is the reference: one that runs away leaves the figure, not the reference in a corner.
     let reference = runs.first().map_or(&[][..], |(_, samples)| samples);
     let top = reference.iter().map(|s| s.normal_force.max(s.tangential_force)).fold(0.0, f64::max);
     let top = if top > 0.0 { 1.5 * top } else { 1.0 };
-    let mut chart = ChartBuilder::on(&root)
+    let mut chart = ChartBuilder::on(root)
         .caption(title, ("sans-serif", 18))
         .margin(12)
         .x_label_area_size(44)
         .y_label_area_size(58)
         .build_cartesian_2d(0.0..if end > 0.0 { end } else { 1.0 }, 0.0..top)?;
-    chart
-        .configure_mesh()
-        .x_desc("time (s)")
-        .y_desc("force on the instrument (N)")
-        .light_line_style(BLACK.mix(0.04))
-        .bold_line_style(BLACK.mix(0.12))
-        .label_style(("sans-serif", 14))
-        .draw()?;
+    quiet(chart.configure_mesh().x_desc("time (s)").y_desc("force on the instrument (N)")).draw()?;
     let colours = [BLACK, COLOURS[0], COLOURS[2], COLOURS[1]];
     for ((name, samples), colour) in runs.iter().zip(colours) {
         let style = colour.mix(0.85).stroke_width(2);
@@ -213,15 +188,6 @@ fn draw_forces(svg: &mut String, title: &str, runs: &[(&str, &[Sample])]) -> Dra
             .legend(move |(x, y)| PathElement::new([(x, y), (x + 26, y)], style));
         chart.draw_series(DashedLineSeries::new(curve(|s| s.tangential_force), 2, 4, style))?;
     }
-    chart
-        .configure_series_labels()
-        .position(SeriesLabelPosition::UpperLeft)
-        .margin(14)
-        .legend_area_size(34)
-        .border_style(BLACK.mix(0.2))
-        .background_style(WHITE.mix(0.8))
-        .label_font(("sans-serif", 14))
-        .draw()?;
-    root.present()?;
+    legend(&mut chart, SeriesLabelPosition::UpperLeft, 14, 34)?;
     Ok(())
 }

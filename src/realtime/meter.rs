@@ -11,6 +11,8 @@ const LONGEST_NS: u64 = 10_000_000_000;
 const DIGITS: u8 = 3;
 /// Blocks that a run is divided into, for its course over time and for tests of independence.
 const BLOCKS: u64 = 2000;
+/// Ticks of a block at least: the longest of fewer is no extreme.
+const LEAST_BLOCK: u64 = 50;
 /// Misses that are kept one by one; all are counted.
 const MISSES_KEPT: usize = 4096;
 /// Worst ticks that are kept, by response and by CPU time each.
@@ -145,7 +147,7 @@ impl Meter {
     /// For so many ticks with this deadline.
     pub fn new(ticks: u64, deadline_ns: u64) -> Self {
         let times = Times::new();
-        let block_ticks = ticks.div_ceil(BLOCKS).max(1);
+        let block_ticks = ticks.div_ceil(BLOCKS).max(LEAST_BLOCK);
         let blocks = ticks.div_ceil(block_ticks) as usize + 1;
         Self {
             release: times.clone(),
@@ -262,7 +264,7 @@ impl Meter {
         self.longest_run
     }
 
-    /// The first [`MISSES_KEPT`] of them.
+    /// The first 4096 of them.
     pub fn misses(&self) -> &[Miss] {
         &self.misses
     }

@@ -147,6 +147,8 @@ pub struct Served {
     pub obtained: Obtained,
     /// Whether it was stopped before its end.
     pub stopped: bool,
+    /// What ended it, if something did.
+    pub fault: Option<Fault>,
 }
 
 /// Runs passes one after the other against the clock. The last of the CPUs that this thread may use is the servo
@@ -198,7 +200,8 @@ pub fn serve(passes: Vec<Pass>, warm_up: Servo, settings: LoopSettings, stop: &A
     });
     os::unlock_memory();
     let (passes, meter, window, obtained, stopped) = served?;
-    Some(Served { passes, meter, window, obtained, stopped })
+    let fault = passes.iter().find_map(|pass| pass.fault);
+    Some(Served { passes, meter, window, obtained, stopped, fault })
 }
 
 fn nanoseconds(seconds: f64) -> u64 {
@@ -358,7 +361,7 @@ fn arrive(pass: &mut Pass, end: &mut ServoEnd, tick: u64, cycle_ticks: u64) -> R
             pass.times.arrivals.push(Arrival { from, at: tick });
             end.begin_segment(&pass.servo);
         }
-        Ok(None) if tick > 0 && tick % cycle_ticks == 0 => end.begin_segment(&pass.servo),
+        Ok(None) if tick > 0 && tick.is_multiple_of(cycle_ticks) => end.begin_segment(&pass.servo),
         Ok(None) => {}
     }
     Ok(())
@@ -366,7 +369,7 @@ fn arrive(pass: &mut Pass, end: &mut ServoEnd, tick: u64, cycle_ticks: u64) -> R
 
 /// A release that passed while a tick was being computed.
 fn skip(pass: &mut Pass, end: &mut ServoEnd, cycle_ticks: u64) -> Result<(), Fault> {
-    if pass.servo.next_tick() % cycle_ticks == 0 {
+    if pass.servo.next_tick().is_multiple_of(cycle_ticks) {
         end.begin_segment(&pass.servo);
     }
     let done = pass.servo.skip()?;

@@ -191,7 +191,8 @@ impl Checker {
             ScheduleName::Threads => Schedule::Threads,
         };
         if schedule == Schedule::Threads {
-            let span = file.sync.latency_ticks.as_ref().map(Spanned::span);
+            // None at all is what there is anyway.
+            let span = file.sync.latency_ticks.as_ref().filter(|ticks| *ticks.get_ref() > 0).map(Spanned::span);
             self.no_effect("sync.latency_ticks", span, IN_REAL_TIME)?;
         }
         let (deadline, costs) = self.timing(&file.timing, schedule, 1.0 / local_rate)?;

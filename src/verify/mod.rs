@@ -1,12 +1,15 @@
 //! Held against what was accepted before: results of a run, the baselines they are compared with,
 //! and times of two programs. And held against each other: contact surfaces and schemes, local models;
-//! extreme scenes and the outcomes expected of them; limits of steps, measured and predicted.
+//! extreme scenes and the outcomes expected of them; limits of steps, measured and predicted; observed orders.
 
 pub mod accept;
 pub mod accuracy;
 pub mod baseline;
+pub mod certificate;
 pub mod compare;
 pub mod extremes;
+pub mod lateness;
+pub mod orders;
 pub mod paired;
 pub mod results;
 pub mod stability_map;

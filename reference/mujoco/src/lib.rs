@@ -9,7 +9,7 @@
 //! ```sh
 //! MUJOCO_DYNAMIC_LINK_DIR=$(reference/mujoco/fetch target/mujoco)
 //! export MUJOCO_DYNAMIC_LINK_DIR
-//! cargo test --locked --manifest-path reference/mujoco/Cargo.toml -- --show-output
+//! cargo test --locked --package stickslip-mujoco -- --show-output
 //! ```
 //!
 //! A line `RESIDUAL | mujoco | quantity | tolerance | measured` belongs to every comparison (its

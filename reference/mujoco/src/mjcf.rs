@@ -25,6 +25,10 @@ pub enum Integrator {
     Euler,
     /// The classical fourth-order Runge–Kutta method.
     Rk4,
+    /// (M + hD + h²K)(v⁺ − v) = h(f − hKv), x ← x + h v⁺, with K and D of joints and tendons along themselves only:
+    /// what a tendon pulls with across when it turns, its geometric stiffness, is not in K. A tendon of exactly its
+    /// `springlength` has no K: it is in its dead band.
+    Discrete,
 }
 
 /// A coordinate of a contact point, Σ wᵢ xᵢ·direction over its free nodes, and what constrains it.
@@ -63,9 +67,11 @@ pub fn write(network: &Network, integrator: Integrator, timestep: f64, tendons: 
             ExternalForce::Drag(b) => drag += b,
         }
     }
-    let integrator = match integrator {
-        Integrator::Euler => "Euler",
-        Integrator::Rk4 => "RK4",
+    // PGS leaves hD + h²K out without a word.
+    let (integrator, solver) = match integrator {
+        Integrator::Euler => ("Euler", "PGS"),
+        Integrator::Rk4 => ("RK4", "PGS"),
+        Integrator::Discrete => ("discrete", "Newton"),
     };
     let gravity = triple(gravity);
     let mut world = String::new();
@@ -93,7 +99,7 @@ pub fn write(network: &Network, integrator: Integrator, timestep: f64, tendons: 
         r#"<mujoco>
 <compiler autolimits="false"/>
 <size memory="16M"/>
-<option integrator="{integrator}" timestep="{timestep}" gravity="{gravity}" jacobian="dense" solver="PGS" tolerance="0">
+<option integrator="{integrator}" timestep="{timestep}" gravity="{gravity}" jacobian="dense" solver="{solver}" tolerance="0">
 <flag contact="disable" eulerdamp="disable" autoreset="disable"/>
 </option>
 <worldbody>

@@ -4,6 +4,8 @@ import csv
 
 import numpy as np
 
+from .trace import DEVICE_COLUMNS
+
 # Relative to the largest value of the quantity in the reference. The same scene with its springs in another order, so
 # with other rounding, differs by at most 2e-13 (3e-15 where nothing runs away): 1e-9 leaves room for another order of
 # operations and for projections solved to 1e-12, and is far below anything a wrong term could do.
@@ -11,14 +13,15 @@ SCALED_TOLERANCE = 1e-9
 # Node weights this close name the same point, whichever of the triangles around it is named.
 SAME_POINT = 1e-9
 
-VECTORS = {"force": ("fx", "fy", "fz"), "normal": ("nx", "ny", "nz"), "q": ("qx", "qy", "qz")}
-SCALARS = ("t", "fn", "ft", "kinetic", "elastic", "gravitational", "work")
+VECTORS = {"force": ("fx", "fy", "fz"), "normal": ("nx", "ny", "nz"), "q": ("qx", "qy", "qz"),
+           "device": ("device_x", "device_y", "device_z"), "contact_force": ("contact_fx", "contact_fy", "contact_fz")}
+SCALARS = ("t", "fn", "ft", "kinetic", "elastic", "gravitational", "work", "hand_energy")
 EXACT = ("mode", "triangle", "model_age", "tick")
 WEIGHTS = ("alpha", "beta", "gamma")
 
 
 def differences(expected, actual, triangles, positions):
-    """Per quantity (absolute, scaled) differences over the ticks both traces have.
+    """Per quantity (absolute, scaled) differences over the ticks both traces have, of a device where both have them.
 
     `positions` holds per tick the node positions on which the reference located its contact, None when free. Where just
     one of the traces is free, the contact quantities differ by NaN, which no tolerance accepts.
@@ -28,13 +31,18 @@ def differences(expected, actual, triangles, positions):
     actual = {name: values[:count] for name, values in actual.items()}
     both_free = (expected["mode"] == "free") & (actual["mode"] == "free")
     found = {}
+    absent = set(DEVICE_COLUMNS) - (set(expected) & set(actual))
     for name, columns in VECTORS.items():
+        if absent.intersection(columns):
+            continue
         ours, theirs = (np.stack([trace[column] for column in columns], axis=1) for trace in (expected, actual))
         difference = np.linalg.norm(theirs - ours, axis=1)
         if name == "normal":
             difference = np.where(both_free, 0.0, difference)
         found[name] = scaled(difference, np.linalg.norm(ours, axis=1))
     for name in SCALARS:
+        if name in absent:
+            continue
         # fn and ft are parts of the force, and one of them can vanish: both are measured by the force.
         size = np.hypot(expected["fn"], expected["ft"]) if name in ("fn", "ft") else np.abs(expected[name])
         found[name] = scaled(np.abs(actual[name] - expected[name]), size)

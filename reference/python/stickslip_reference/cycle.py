@@ -6,8 +6,10 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from . import instrument as instruments
 from . import limit_surface, local_model, operators, velocity
 from . import network as net
+from .phantom import WorkspaceError
 from .scene import SceneError
 from .tick import RIGID_BELOW, Contact, State, advance
 
@@ -17,13 +19,18 @@ RUNAWAY_DIAGONALS = 10.0  # a node this many bounding-box diagonals from its res
 
 @dataclass
 class Row:
-    """One line of the trace, and what comparisons need besides."""
+    """One line of the trace, and what comparisons need besides.
+
+    `force` is what was commanded, `result.force` the contact's own; `device` holds further columns of the instrument.
+    """
 
     q: np.ndarray
+    force: np.ndarray
     result: object
     energies: tuple
     work: float
     model_age: int
+    device: dict
 
 
 @dataclass
@@ -55,7 +62,9 @@ class Recorded:
 def run(scene, network):
     """Run a scene on a network, lockstep in virtual time."""
     surface = limit_surface.build(scene["contact"].surface, network.triangles)
-    if not surface.outside(scene.tip(0), network.nodes):
+    instrument = instruments.build(scene)
+    smoothing = instruments.Smoothing(scene["instrument"].smoothing_ticks)
+    if not surface.outside(instrument.tip, network.nodes):
         raise SceneError("the tip is inside the surface at t = 0")
     full = scene["local"].model == "full"
     state = State(network.nodes.copy(), np.zeros_like(network.nodes))
@@ -66,25 +75,35 @@ def run(scene, network):
     step = velocity.advance if scene["contact"].scheme == "velocity" else advance
     result = Run(scene.h)
     for tick in range(scene.ticks):
+        q0, handed_over = instrument.tip, False
         if not full and tick % scene.cycle_ticks == 0:
             if tick > 0:
                 shared.advance_cycle(state, model)
-            pending = shared.linearise(state, tick, scene.tip(tick))
+            pending = shared.linearise(state, tick, q0)
         if pending and (tick - pending.tick == scene["sync"].latency_ticks or model is None):
-            first = model is None
+            handed_over = model is not None
             state, model, pending, age = hand_over(state, model, pending, tick, scene.h), pending, None, 0
-            if not first:
-                state.contact = state.contact or swallowed(surface, scene.tip(tick), state.x)
-        q0, q1 = scene.tip(tick), scene.tip(tick + 1)
-        before = state
+            if handed_over:
+                state.contact = state.contact or swallowed(surface, q0, state.x)
+        try:
+            instrument.move(tick)
+        except WorkspaceError as error:
+            result.fault = str(error)
+            break
+        q1, before = instrument.tip, state
         state, report = step(model, surface, scene["contact"], state, q0, q1, scene.h, (tick - model.tick) * scene.h)
-        result.fault = fault_in(network, state, report)
+        result.fault = fault_in(network, state, report.force)
         if result.fault:
+            break
+        force = instrument.command(smoothing.smoothed(report.force, handed_over))
+        if not np.isfinite(force).all():
+            result.fault = "the force commanded is not finite"
             break
         shared.record(model.patch, before, state)
         work -= report.force @ (q1 - q0)
         result.inside_without_contact += state.contact is None and swallowed(surface, q1, state.x) is not None
-        result.rows.append(Row(q1, report, model.energies(state.x, state.v), work, age))
+        energies = model.energies(state.x, state.v)
+        result.rows.append(Row(q1, force, report, energies, work, age, instrument.state()))
         age += 0 if full else 1
     return result
 
@@ -109,9 +128,9 @@ def swallowed(surface, tip, x):
     return None
 
 
-def fault_in(network, state, report):
+def fault_in(network, state, force):
     """Why the run must end, or None. Written so that a NaN is a fault."""
-    if not np.isfinite(report.force).all():
+    if not np.isfinite(force).all():
         return "the force is not finite"
     if not (np.isfinite(state.x).all() and np.isfinite(state.v).all()):
         return "the state is not finite"

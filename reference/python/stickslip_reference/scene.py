@@ -25,10 +25,41 @@ DEFAULTS = {
               "tangent": "exact", "integrator": "semi-implicit-euler", "condense_rings": "all"},
     "contact": {"law": REQUIRED, "friction": OPTIONAL, "scheme": "geometric", "surface": "faceted",
                 "deformation": "rigid", "metric": "euclidean", "wall_stiffness": 1000.0, "wall_damping": 0.0},
-    "instrument": {"kind": "path", "waypoints": OPTIONAL, "file": OPTIONAL},
+    "instrument": {"kind": "path", "waypoints": OPTIONAL, "file": OPTIONAL, "smoothing_ticks": 0,
+                   "passivity_control": False, "device": OPTIONAL, "hand": OPTIONAL, "coupling": OPTIONAL},
     "sync": {"mode": "replay", "latency_ticks": 0},
     "run": {"schedule": "lockstep"},
 }
+
+ANY, NOT_NEGATIVE, POSITIVE = "finite", "0 or more", "more than 0"
+# Tables of a modelled device: key -> default, whose shape and kind the scene's value must have, and what it must be.
+PHANTOM = {
+    "device": {
+        "rotation": ([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]], ANY),  # scene axes to device axes
+        "offset": ([0.0, 0.0, 0.0], ANY),  # m
+        "joint_friction": ([0.0086, 0.0086, 0.0068], NOT_NEGATIVE),  # N m
+        "friction_speed": (0.01, POSITIVE),  # rad/s, at which friction is tanh 1 of the whole
+        "joint_damping": (0.0005, NOT_NEGATIVE),  # N m s/rad
+        "rotor_inertia": ([0.0, 0.0, 0.0], NOT_NEGATIVE),  # kg m^2 at the joints
+        "capstan_ratio": ([13.3, 11.2, 11.2], POSITIVE),
+        "torque_constant": (0.0234, POSITIVE),  # N m/A
+        "largest_current": (5.5, POSITIVE),  # A
+        "torque_bits": (16, NOT_NEGATIVE),  # 0: not quantised
+        "encoder_counts": (4096, NOT_NEGATIVE),  # per turn of a motor; 0: not quantised
+        "amplifier_bandwidth": (1000.0, POSITIVE),  # Hz
+        "largest_force": (8.5, POSITIVE),  # N
+        "substeps": (10, POSITIVE),
+    },
+    "hand": {  # along the device's x, y, z
+        "mass": ([0.218, 0.269, 0.204], POSITIVE),  # kg
+        "stylus_stiffness": ([379.5, 552.4, 769.9], NOT_NEGATIVE),  # N/m
+        "stylus_damping": ([1.839, 3.609, 0.776], NOT_NEGATIVE),  # N s/m
+        "arm_stiffness": ([78.75, 105.3, 271.7], NOT_NEGATIVE),
+        "arm_damping": ([4.645, 6.430, 18.06], NOT_NEGATIVE),
+    },
+    "coupling": {"stiffness": (500.0, POSITIVE), "damping": (2.0, NOT_NEGATIVE), "mass": (0.05, POSITIVE)},
+}
+ORTHOGONAL = 1e-9  # what R^T R may differ from the identity by
 
 # What this reference implements; anything else is refused rather than approximated.
 COVERED = {
@@ -43,7 +74,7 @@ COVERED = {
     ("contact", "surface"): ("faceted", "shaded", "subdivision"),
     ("contact", "deformation"): ("rigid", "least-norm"),
     ("contact", "metric"): ("euclidean", "mass"),
-    ("instrument", "kind"): ("path", "recording"),
+    ("instrument", "kind"): ("path", "recording", "phantom-1.5"),
     ("sync", "mode"): ("replay", "overwrite"),
     ("run", "schedule"): ("lockstep",),
 }
@@ -89,6 +120,7 @@ class Scene:
                 self["local"].model == "full" or self["local"].linearization != "tangent"
                 or self["contact"].scheme != "velocity"):
             raise SceneError(f"local.integrator = {self['local'].integrator!r} needs the tangent and the velocity scheme")
+        check_instrument(self["instrument"])
         self.waypoints = read_waypoints(self["instrument"], Path(folder))
 
     def __getitem__(self, section):
@@ -127,6 +159,48 @@ def whole(value, message):
     if rounded < 1 or not abs(value - rounded) <= 1e-9 * rounded:
         raise SceneError(message)
     return rounded
+
+
+def check_instrument(instrument):
+    """Checks the keys of [instrument] but the path; makes the tables of a modelled device Sections."""
+    ticks = instrument.smoothing_ticks
+    if type(ticks) is not int or ticks < 0:
+        raise SceneError(f"instrument.smoothing_ticks = {ticks!r} must be a whole number, 0 or more")
+    if type(instrument.passivity_control) is not bool:
+        raise SceneError("instrument.passivity_control must be true or false")
+    if instrument.kind != "phantom-1.5":
+        if instrument.passivity_control or any(instrument[part] is not OPTIONAL for part in PHANTOM):
+            raise SceneError(f"instrument.passivity_control, {', '.join(PHANTOM)} go with kind = \"phantom-1.5\"")
+        return
+    if instrument.file is not OPTIONAL:
+        raise SceneError("instrument.file goes with kind = \"recording\"")
+    for part in PHANTOM:
+        if part != "coupling" or instrument.coupling is not OPTIONAL:  # without the table there is no coupling
+            instrument[part] = read_part(part, {} if instrument[part] is OPTIONAL else instrument[part])
+    R = instrument["device"].rotation
+    if not (np.abs(R.T @ R - np.eye(3)).max() <= ORTHOGONAL and np.linalg.det(R) > 0.0):
+        raise SceneError("instrument.device.rotation must be a rotation: orthogonal rows of length 1, right-handed")
+
+
+def read_part(part, given):
+    if not isinstance(given, dict) or set(given) - set(PHANTOM[part]):
+        raise SceneError(f"[instrument.{part}] is a table of {', '.join(PHANTOM[part])}")
+    return Section({key: read_number(f"instrument.{part}.{key}", given.get(key, default), default, rule)
+                    for key, (default, rule) in PHANTOM[part].items()})
+
+
+def read_number(name, value, default, rule):
+    """A number or an array of the default's shape, whole where the default is, that is what the rule says."""
+    try:
+        numbers = np.array(value)
+    except ValueError:
+        numbers = np.array(None)
+    if numbers.shape != np.shape(default) or numbers.dtype.kind not in ("i" if type(default) is int else "if"):
+        kind = "a whole number" if type(default) is int else "numbers" if np.shape(default) else "a number"
+        raise SceneError(f"{name} = {value!r} must be {kind} like {default}")
+    if not (np.isfinite(numbers) & ((rule == ANY) | (numbers > 0) | ((rule == NOT_NEGATIVE) & (numbers == 0)))).all():
+        raise SceneError(f"{name} = {value!r} must be {rule}")
+    return numbers.astype(float) if np.shape(default) else numbers.item()
 
 
 def read_waypoints(instrument, folder):

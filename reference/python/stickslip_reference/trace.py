@@ -8,6 +8,8 @@ from .scene import SceneError
 
 COLUMNS = ("tick t qx qy qz fx fy fz fn ft mode triangle alpha beta gamma nx ny nz "
            "kinetic elastic gravitational work model_age").split()
+# After the others, of an instrument that is a modelled device.
+DEVICE_COLUMNS = "device_x device_y device_z contact_fx contact_fy contact_fz hand_energy".split()
 CONTACT_COLUMNS = ("triangle", "alpha", "beta", "gamma", "nx", "ny", "nz")  # empty in free ticks
 MODES = ("free", "stick", "slide", "slip")
 NO_TRIANGLE = -1
@@ -17,7 +19,7 @@ def table(run):
     """The trace of a run as columns: arrays of float, `mode` of str; what is empty in free ticks is NaN."""
     rows = run.rows
     empty = np.full(3, np.nan)
-    force = np.array([row.result.force for row in rows]).reshape(-1, 3)
+    force = np.array([row.force for row in rows]).reshape(-1, 3)
     results = [row.result for row in rows]
     normal = np.array([empty if result.normal is None else result.normal for result in results]).reshape(-1, 3)
     weights = np.array([empty if result.point is None else result.point.weights for result in results]).reshape(-1, 3)
@@ -27,7 +29,8 @@ def table(run):
     q = np.array([row.q for row in rows]).reshape(-1, 3)
     energies = np.array([row.energies for row in rows]).reshape(-1, 3)
     tick = np.arange(len(rows))
-    columns = {"tick": tick, "t": (tick + 1) * run.h, "fn": fn, "ft": np.linalg.norm(force - fn[:, None] * safe, axis=1),
+    ft = np.where(contact, np.linalg.norm(force - fn[:, None] * safe, axis=1), 0.0)
+    columns = {"tick": tick, "t": (tick + 1) * run.h, "fn": fn, "ft": ft,
                "mode": np.array([result.mode for result in results], dtype=str),
                "triangle": np.array([NO_TRIANGLE if result.point is None else result.point.triangle for result in results],
                                     dtype=int),
@@ -35,23 +38,27 @@ def table(run):
     for names, values in (("qx qy qz", q), ("fx fy fz", force), ("alpha beta gamma", weights), ("nx ny nz", normal),
                           ("kinetic elastic gravitational", energies)):
         columns.update(zip(names.split(), values.T))
-    return {name: columns[name] for name in COLUMNS}
+    if rows and rows[0].device:
+        columns |= zip(("contact_fx", "contact_fy", "contact_fz"), np.array([result.force for result in results]).T)
+        columns |= {name: np.array([row.device[name] for row in rows]) for name in rows[0].device}
+    return {name: columns[name] for name in (*COLUMNS, *DEVICE_COLUMNS) if name in columns}
 
 
 def write(columns, path):
     """Write a trace.csv; floats in shortest round-trip form, empty cells in free ticks."""
     with open(path, "w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
+        writer.writerow(columns)
         free = columns["mode"] == "free"
         for row in range(len(free)):
-            cells = [columns[name][row] for name in COLUMNS]
+            cells = [values[row] for values in columns.values()]
             writer.writerow(["" if free[row] and name in CONTACT_COLUMNS else
-                             cell if isinstance(cell, str) else repr(cell.item()) for name, cell in zip(COLUMNS, cells)])
+                             cell if isinstance(cell, str) else repr(cell.item())
+                             for name, cell in zip(columns, cells)])
 
 
 def read(path):
-    """Read a trace.csv; further columns after the known ones are ignored. A number that reads NaN is kept as NaN."""
+    """Read a trace.csv; of further columns those of a device are kept. A number that reads NaN is kept as NaN."""
     try:
         with open(path, newline="") as file:
             rows = list(csv.reader(file))
@@ -61,12 +68,13 @@ def read(path):
         raise SceneError(f"{path}: the header must begin with {','.join(COLUMNS)}")
     if any(len(row) != len(rows[0]) for row in rows):
         raise SceneError(f"{path}: rows of different length")
-    cells = {name: np.array([row[index] for row in rows[1:]], dtype=str) for index, name in enumerate(COLUMNS)}
+    cells = {name: np.array([row[index] for row in rows[1:]], dtype=str) for index, name in enumerate(rows[0])
+             if index < len(COLUMNS) or name in DEVICE_COLUMNS}
     unknown = set(cells["mode"].tolist()) - set(MODES)
     if unknown:
         raise SceneError(f"{path}: unknown modes {sorted(unknown)}")
     free = cells["mode"] == "free"
-    for name in COLUMNS:
+    for name in cells:
         if ((cells[name] == "") != (free if name in CONTACT_COLUMNS else False)).any():
             raise SceneError(f"{path}: {name} must be empty in free ticks, and only there" if name in CONTACT_COLUMNS
                              else f"{path}: {name} has empty cells")

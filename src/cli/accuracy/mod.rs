@@ -24,6 +24,7 @@ use crate::scene::{Scene, SceneError};
 use crate::verify::accuracy::{
     self, Assessment, Coverage, Errors, Grid, Method, Names, PAPER, PAPER_RATE_HZ, Reference, Status,
 };
+use crate::verify::orders::{self, Case, ObservedOrder};
 
 #[derive(Debug, Args)]
 pub struct AccuracyArguments {
@@ -76,6 +77,8 @@ struct AccuracyFile<'a> {
     points: &'a [Point],
     references: &'a [ReferenceEntry],
     best: Option<Best>,
+    /// Of a small block, whatever the scene.
+    orders: &'a [ObservedOrder],
     left_out: &'a [String],
 }
 
@@ -159,6 +162,8 @@ pub fn accuracy(arguments: &AccuracyArguments) -> miette::Result<u8> {
     fs::create_dir_all(&out).into_diagnostic().wrap_err_with(|| format!("cannot write {}", out.display()))?;
 
     let budget = Budget { tick_us: arguments.budget_us, cycle_ms: arguments.cycle_ms };
+    let orders: Vec<ObservedOrder> =
+        Case::all().into_par_iter().map(orders::observe).collect::<Result<_, _>>().into_diagnostic()?;
     let (points, references) = measure(&scene, &grid, budget)?;
     let best = best(&points, &references, budget);
     let file = AccuracyFile {
@@ -169,12 +174,14 @@ pub fn accuracy(arguments: &AccuracyArguments) -> miette::Result<u8> {
         points: &points,
         references: &references,
         best,
+        orders: &orders,
         left_out: &grid.left_out,
     };
     write_json(&out.join("accuracy.json"), &file)?;
     write_file(&out.join("index.html"), page::page(&file)?.into_string().as_bytes())?;
 
     say(table::points(&file))?;
+    say(table::orders(&file))?;
     for line in sentences(&file) {
         say(line)?;
     }
@@ -185,7 +192,7 @@ pub fn accuracy(arguments: &AccuracyArguments) -> miette::Result<u8> {
 /// Errors first, in parallel; then times, each alone.
 fn measure(scene: &Scene, grid: &Grid, budget: Budget) -> Result<(Vec<Point>, Vec<ReferenceEntry>), SceneError> {
     let runs = (grid.methods.len() + grid.contacts.len()) as u64;
-    let progress = Mutex::new(Progress::new(2 * runs * scene.tick_count));
+    let progress = Mutex::new(Progress::new(2 * runs * scene.tick_count, "ticks"));
     let begin = |name: &str| with(&progress, |progress| progress.begin(name));
     let done = || with(&progress, |progress| progress.end(scene.tick_count));
 

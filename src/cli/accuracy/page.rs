@@ -1,69 +1,42 @@
 //! `index.html` of an accuracy report.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, PreEscaped, html};
 
+use super::super::page::{self, Row};
 use super::{AccuracyFile, sentences, table};
-
-const STYLE: &str = "
-:root { color-scheme: light dark; font: 16px/1.5 system-ui, sans-serif; }
-body { max-width: 76rem; margin: 0 auto; padding: 1rem; }
-.wide { overflow-x: auto; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-th, td { padding: .3rem .7rem; border-bottom: 1px solid #8886; text-align: right; }
-td { white-space: nowrap; }
-th:nth-child(-n+3), td:nth-child(-n+3) { text-align: left; }
-.diverged { color: #c22; }
-.unresolved, .overrun { opacity: .7; }
-.special { font-weight: bold; }
-figure { margin: 2rem 0; }
-.pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(30rem, 100%), 1fr)); gap: 1rem; }
-figure svg { width: 100%; height: auto; background: #fff; border-radius: 6px; }
-";
 
 pub fn page(file: &AccuracyFile) -> miette::Result<Markup> {
     let title = format!("{}: accuracy of local models", file.scene);
-    Ok(html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { (title) }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                h1 { (title) }
-                p {
-                    "The scene's drag with one local model after the other, each held against the full network at the \
-                     haptic rate with the same contact: what differs is the local model alone. Version "
-                    (env!("CARGO_PKG_VERSION")) "."
-                }
-                @for sentence in sentences(file) { p { (sentence) } }
-                @for (k, reference) in file.references.iter().enumerate() {
-                    h2 { (reference.contact) }
-                    div.pair {
-                        @for (figure, caption) in figures(file, k)? {
-                            figure { (PreEscaped(figure)) figcaption { (caption) } }
-                        }
-                    }
-                    div.wide {
-                        table {
-                            thead { tr { @for head in table::HEAD { th { (head) } } } }
-                            tbody {
-                                @for i in rows(file, k) {
-                                    @let cells = table::row(file, i);
-                                    @let special = if cells[1].is_empty() { "" } else { " special" };
-                                    tr class={ (file.points[i].status.name()) (special) } {
-                                        @for cell in cells { td { (cell) } }
-                                    }
-                                }
-                            }
-                        }
-                    }
-                }
-            }
+    let row = |i: usize| {
+        let cells = table::row(file, i);
+        let special = if cells[1].is_empty() { "" } else { " special" };
+        Row { class: Some(format!("{}{special}", file.points[i].status.name())), cells }
+    };
+    let body = html! {
+        p {
+            "The scene's drag with one local model after the other, each held against the full network at the \
+             haptic rate with the same contact: what differs is the local model alone. Version "
+            (env!("CARGO_PKG_VERSION")) "."
         }
-    })
+        @for sentence in sentences(file) { p { (sentence) } }
+        @for (k, reference) in file.references.iter().enumerate() {
+            h2 { (reference.contact) }
+            div.pair {
+                @for (figure, caption) in figures(file, k)? {
+                    figure { (PreEscaped(figure)) figcaption { (caption) } }
+                }
+            }
+            (page::table("methods", table::HEAD, rows(file, k).into_iter().map(row)))
+        }
+        h2 { "Orders of the integrators" }
+        p {
+            "How fast the positions of a small block converge with the step, over a smooth motion, with the \
+             largest distance of four logarithms of errors from the line laid through them; and, of the same block \
+             without anything that holds it, how much of its momentum the tip's impulse does not account for."
+        }
+        (page::table("methods", table::ORDERS_HEAD, file.orders.iter().map(table::order)))
+    };
+    Ok(page::page(&title, &body))
 }
 
 /// Points of a reference, by their error; those that diverged last.

@@ -1,8 +1,9 @@
-//! The table of methods, in the terminal and on the page.
+//! The tables of methods and of orders, in the terminal and on the page.
 
 use comfy_table::{Table, presets::UTF8_FULL_CONDENSED};
 
 use super::{AccuracyFile, Point};
+use crate::verify::orders::ObservedOrder;
 
 /// Column heads of [`row`].
 pub const HEAD: [&str; 12] = [
@@ -60,5 +61,27 @@ pub fn points(file: &AccuracyFile) -> Table {
     for (i, _) in rows {
         table.add_row(row(file, i));
     }
+    table
+}
+
+/// Column heads of [`order`].
+pub const ORDERS_HEAD: [&str; 5] = ["integrator", "scheme", "contact", "observed order", "momentum defect"];
+
+/// An observed order as a row of text.
+pub fn order(observed: &ObservedOrder) -> [String; 5] {
+    let order = observed.order.zip(observed.residual);
+    [
+        observed.integrator.clone(),
+        observed.scheme.unwrap_or("–").to_owned(),
+        observed.law.to_owned(),
+        order.map_or("exact".to_owned(), |(order, residual)| format!("{order:.2} ± {residual:.2}")),
+        observed.momentum_defect.map_or("–".to_owned(), |defect| format!("{defect:.1e}")),
+    ]
+}
+
+/// All observed orders.
+pub fn orders(file: &AccuracyFile) -> Table {
+    let mut table = Table::new();
+    table.load_style(UTF8_FULL_CONDENSED).set_header(ORDERS_HEAD).add_rows(file.orders.iter().map(order));
     table
 }

@@ -1,0 +1,240 @@
+//! The servo loop against the clock. What it takes decides nothing here; what it does, does.
+#![cfg(all(feature = "realtime", target_os = "linux"))]
+
+use std::sync::Mutex;
+use std::sync::atomic::AtomicBool;
+
+use stickslip::pipeline::Simulation;
+use stickslip::realtime::allocations::{self, Counting};
+use stickslip::realtime::certificate::{Certificate, Circumstances, Verdict, WorstTick};
+use stickslip::realtime::channel::channel;
+use stickslip::realtime::machine::Machine;
+use stickslip::realtime::meter::{Meter, TickTimes};
+use stickslip::realtime::record::{Recorded, record};
+use stickslip::realtime::threads::{Obtained, Served, Window};
+use stickslip::scene::Scene;
+use stickslip::session::{RecordedPass, Replayed, Session, replay};
+use stickslip::timeline::{Fate, OverrunPolicy};
+use stickslip::verify::certificate::causes::Cause;
+use stickslip::verify::lateness::consequences;
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// One loop at a time: they share the last CPU.
+static TURN: Mutex<()> = Mutex::new(());
+
+fn scene(text: &str) -> Scene {
+    let scene = Scene::shipped("fig5-stick-slip").expect("shipped").text().replace("latency_ticks = 0", "");
+    Scene::parse(&format!("{scene}\n[run]\nschedule = \"threads\"\n{text}"), "threads.toml".as_ref()).expect("a scene")
+}
+
+fn recorded(scene: &Scene) -> Recorded {
+    let _turn = TURN.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    record(scene, &AtomicBool::new(false)).expect("it starts")
+}
+
+fn again(session: &Session, pass: &RecordedPass) -> Replayed {
+    let scene = session.scene().expect("it was one");
+    replay(session.prepare(&scene, pass).expect("it starts"), pass, |_| ())
+}
+
+#[test]
+fn a_run_in_real_time_is_done_again_bit_for_bit() {
+    // With a deadline of a few microseconds, many ticks are late; with one of a tick, hardly any.
+    for text in [
+        "",
+        "[timing]\ndeadline = 3e-6\noverrun = \"zero\"",
+        "[timing]\ndeadline = 3e-6\noverrun = \"hold\"",
+        "[timing]\ndeadline = 3e-6\noverrun = \"skip\"",
+    ] {
+        let run = recorded(&scene(text));
+        let pass = &run.session.passes[0];
+        assert_eq!((pass.ticks, pass.tape.len()), (1200, 1200));
+        assert_eq!(run.summary.window.lost_notes, 0, "the ring holds cycles; the global side was seconds late");
+        assert_eq!(again(&run.session, pass), Replayed::Same, "{text}");
+        assert!(!pass.times.arrivals.is_empty(), "no model ever arrived");
+        if !text.is_empty() {
+            assert!(!pass.times.late.is_empty(), "no response is as short as 3 µs");
+        }
+    }
+}
+
+#[test]
+fn a_recording_survives_its_file_and_betrays_what_was_changed() {
+    let mut run = recorded(&scene(""));
+    let text = serde_json::to_string(&run.session).expect("it can be written");
+    let read: Session = serde_json::from_str(&text).expect("and read");
+    assert_eq!(again(&read, &read.passes[0]), Replayed::Same);
+
+    let pass = &mut run.session.passes[0];
+    let tick = pass.tape.iter().rposition(|taped| taped.force[2] != 0.0).unwrap_or(0);
+    let whole = pass.clone();
+    pass.tape[tick].force[2] = f64::from_bits(pass.tape[tick].force[2].to_bits() ^ 1);
+    let changed = pass.clone();
+    assert_eq!(again(&run.session, &changed), Replayed::Differs { tick: Some(tick as u64) });
+
+    // Without a tape the checksum tells.
+    let mut untaped = whole.clone();
+    untaped.tape.clear();
+    assert_eq!(again(&run.session, &untaped), Replayed::Same);
+    untaped.checksum = "0000000000000000".to_owned();
+    assert_eq!(again(&run.session, &untaped), Replayed::Differs { tick: None });
+
+    // A model that never came makes other forces.
+    let mut lost = whole.clone();
+    lost.times.arrivals.remove(0);
+    assert!(matches!(again(&run.session, &lost), Replayed::Differs { tick: Some(_) }));
+}
+
+#[test]
+fn the_servo_thread_allocates_nothing_in_its_window() {
+    for text in ["", "[timing]\noverrun = \"skip\"\ndeadline = 5e-6"] {
+        let window = recorded(&scene(text)).summary.window;
+        assert_eq!(window.allocations, Some(0));
+        println!("RESIDUAL | servo thread | page faults in the window | 0 | {}", window.page_faults);
+    }
+    // The counter counts.
+    let before = allocations::on_this_thread().expect("this test has the counting allocator");
+    drop(std::hint::black_box(Box::new(1)));
+    assert_eq!(allocations::on_this_thread(), Some(before + 2));
+}
+
+#[test]
+fn a_loop_can_be_stopped_and_keeps_what_it_has() {
+    let _turn = TURN.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    let run = record(&scene(""), &AtomicBool::new(true)).expect("it starts");
+    assert!(run.summary.stopped);
+    assert_eq!(run.session.passes[0].ticks, 0);
+}
+
+#[test]
+fn a_fault_ends_the_loop_and_comes_again() {
+    let text = Scene::shipped("deep-stick-slip-faceted").expect("shipped").text().replace("latency_ticks = 0", "");
+    let text = format!("{text}\n[run]\nschedule = \"threads\"\n");
+    let run = recorded(&Scene::parse(&text, "fault.toml".as_ref()).expect("a scene"));
+    let pass = &run.session.passes[0];
+    assert!(pass.ticks < 1200, "it runs away");
+    match again(&run.session, pass) {
+        // The tape ends before the tick with the fault: so far it is the same.
+        Replayed::Same => {}
+        other => panic!("{other:?}"),
+    }
+    assert_eq!(run.session.overrun, OverrunPolicy::Hold);
+}
+
+/// A loop whose ticks took this: release, response, CPU time, in ns.
+fn served(ticks: impl Iterator<Item = [u64; 3]> + Clone, deadline_ns: u64, policy: &'static str) -> Served {
+    let mut meter = Meter::new(ticks.clone().count() as u64, deadline_ns);
+    for (tick, [release_ns, response_ns, cpu_ns]) in (0..).zip(ticks) {
+        let compute_ns = response_ns - release_ns;
+        meter.tick(TickTimes { pass: 0, tick, release_ns, response_ns, compute_ns, cpu_ns }, tick * 1_000_000);
+        meter.control(Some((release_ns, release_ns)));
+    }
+    Served {
+        passes: Vec::new(),
+        meter,
+        window: Window { allocations: Some(0), ..Window::default() },
+        obtained: Obtained { policy, priority: 80, cpus: vec![1], memory_locked: true, refused: Vec::new() },
+        stopped: false,
+        fault: None,
+    }
+}
+
+fn worst(cold_ns: u64) -> WorstTick {
+    let why = "most CPU time".to_owned();
+    WorstTick { pass: 0, tick: 5, why, times: None, warm_ns: [1000, 1200], cold_ns: [cold_ns, cold_ns] }
+}
+
+fn judged(served: &Served, worst: Vec<WorstTick>, replayed: bool) -> Certificate {
+    let machine = Machine::describe(0);
+    let (scene, load) = ("x".to_owned(), "none".to_owned());
+    let overrun = OverrunPolicy::Hold;
+    let steal = Vec::new();
+    let none = consequences(&Scene::shipped("fig3-sliding").expect("shipped")).expect("it runs");
+    Certificate::new(
+        served,
+        Circumstances { scene, rate_hz: 1000.0, overrun, load, steal, machine, replayed, worst, consequences: none },
+    )
+}
+
+const DEADLINE_NS: u64 = 1_000_000;
+
+fn quiet(tick: u64) -> [u64; 3] {
+    [20_000 + tick % 7, 25_000 + tick % 11, 5_000]
+}
+
+#[test]
+fn verdicts_follow_from_what_was_measured() {
+    use Verdict::{Fail, Inconclusive, Pass};
+    let quiet_loop = || served((0..5000).map(quiet), DEADLINE_NS, "SCHED_FIFO");
+    let verdicts = |certificate: &Certificate| (certificate.compute.verdict, certificate.platform.verdict);
+    let judge = |served: &Served| verdicts(&judged(served, vec![worst(9_000)], true));
+    assert_eq!(judge(&quiet_loop()), (Pass, Pass));
+
+    let late_at = |at: u64, cpu: u64| move |tick| if tick == at { [30_000, 1_500_000, cpu] } else { quiet(tick) };
+    let one_late = served((0..5000).map(late_at(77, 6_000)), DEADLINE_NS, "SCHED_FIFO");
+    assert_eq!(judge(&one_late), (Pass, Fail));
+    // On the deadline is in time, a nanosecond later is not.
+    let exactly =
+        |ns| served((0..5000).map(move |t| if t == 7 { [0, ns, 9] } else { quiet(t) }), DEADLINE_NS, "SCHED_FIFO");
+    assert_eq!(judge(&exactly(DEADLINE_NS)).1, Pass);
+    assert_eq!(judge(&exactly(DEADLINE_NS + 1)).1, Fail);
+
+    assert_eq!(judge(&served((0..5000).map(quiet), DEADLINE_NS, "SCHED_OTHER")), (Pass, Inconclusive));
+    let unlocked = Served { obtained: Obtained { memory_locked: false, ..quiet_loop().obtained }, ..quiet_loop() };
+    assert_eq!(judge(&unlocked), (Pass, Inconclusive));
+    assert_eq!(judge(&served((0..500).map(quiet), DEADLINE_NS, "SCHED_FIFO")), (Inconclusive, Inconclusive));
+
+    let with = |allocations| Served { window: Window { allocations, ..Window::default() }, ..quiet_loop() };
+    assert_eq!(judge(&with(Some(1))).0, Fail);
+    assert_eq!(judge(&with(None)).0, Inconclusive);
+
+    // Slow once is not slow: done again, the tick tells.
+    let much_cpu = served((0..5000).map(late_at(77, 1_400_000)), DEADLINE_NS, "SCHED_FIFO");
+    assert_eq!(judge(&much_cpu).0, Inconclusive);
+    assert_eq!(verdicts(&judged(&much_cpu, vec![worst(1_100_000)], true)).0, Fail);
+    assert_eq!(verdicts(&judged(&quiet_loop(), vec![worst(9_000)], false)).0, Fail);
+}
+
+#[test]
+fn misses_are_counted_exactly_and_explained_one_by_one() {
+    let ticks = |tick: u64| match tick {
+        // Released late; the one after it follows from it.
+        100 => [1_800_000, 1_805_000, 5_000],
+        101 => [1_200_000, 1_205_000, 5_000],
+        // Off the CPU in the middle, though nothing took it away: nobody knows.
+        2000 => [20_000, 2_000_000, 6_000],
+        _ => quiet(tick),
+    };
+    let certificate = judged(&served((0..5000).map(ticks), DEADLINE_NS, "SCHED_FIFO"), vec![worst(9_000)], true);
+    let platform = &certificate.platform;
+    assert_eq!((platform.misses, platform.longest_miss_run, platform.skipped), (3, 2, 0));
+    assert_eq!(platform.response_ns.max, 2_000_000);
+    let causes: Vec<(u64, Cause)> = certificate.misses.iter().map(|miss| (miss.times.tick, miss.cause)).collect();
+    assert_eq!(causes, [(100, Cause::Release), (101, Cause::Release), (2000, Cause::Unknown)]);
+    let bound = certificate.miss_rate.ticks.as_ref().expect("there are ticks");
+    assert!(bound.estimate < bound.upper && bound.upper < 0.01);
+    // Quantiles have three digits.
+    let q = platform.response_ns;
+    assert!(q.p50.abs_diff(25_005) <= 25 && q.p50 <= q.p90 && q.p90 <= q.p99 && q.p99 <= q.p999 && q.p999 <= q.max);
+}
+
+#[test]
+fn a_ring_that_is_full_counts_what_it_loses_and_waits_for_nobody() {
+    let simulation = Simulation::prepare(&scene("")).expect("it starts");
+    let keep = simulation.keeps();
+    let (mut servo, _) = simulation.into_loops();
+    let nodes = servo.local().model().patch.nodes.clone();
+    let (mut up, mut down) = channel(10, keep, &nodes);
+    up.begin_pass(0, &servo);
+    for _ in 0..500 {
+        servo.tick(Fate::OnTime).expect("no fault");
+        up.end_tick(&servo);
+    }
+    assert!(up.lost() > 0);
+    // What did get in comes out in order, cycle by cycle.
+    let boundaries: Vec<u64> = std::iter::from_fn(|| down.next_cycle()).map(|(boundary, _)| boundary).collect();
+    assert!(boundaries.len() >= 4, "{boundaries:?}");
+    assert!((1..).zip(&boundaries).all(|(n, &boundary)| boundary == 10 * n), "{boundaries:?}");
+}

@@ -1,0 +1,154 @@
+"""The modelled PHANTOM Premium 1.5: kinematics, rigid-body dynamics, encoders, motors.
+
+From M. C. Cavusoglu, D. Feygin, F. Tendick, A critical study of the mechanical and electrical properties of the PHANToM
+haptic interface, Presence 11 (2002). Device axes: x right, y up, z towards the user, the tip of the home posture
+theta = 0 at the origin; m. theta[1] and theta[2] are the angles of the links against the ground. `device` is a scene's
+[instrument.device].
+"""
+
+import numpy as np
+
+from .scene import SceneError
+
+UPPER, FORE = 0.215, 0.170  # m: the links l1 and l2
+# kg m^2 and N m: pi_1 ... pi_6 of M, pi_7 and pi_8 of N.
+P1, P2, P3, P4, P5, P6 = 2.8328e-3, 1.1319e-3, -0.3912e-3, 0.9123e-3, 2.4264e-3, 0.9319e-3
+P7, P8 = -0.01630, -0.07376
+# Where two published sets of joint limits differ, both hold.
+LIMITS = {"theta_1": (-90.0, 90.0), "theta_2": (-61.0, 113.0), "theta_3": (-23.0, 167.0),
+          "theta_3 - theta_2": (-53.0, 54.0)}
+LEAST_REACH = 1e-3  # m: nearer to the axis of the first joint its angle is no longer told by the tip
+
+
+class WorkspaceError(SceneError):
+    """A posture or tip that the device cannot take."""
+
+
+def reach(theta):
+    """Distance of the tip from the axis of the first joint, signed: negative once the links have swung over it."""
+    return UPPER * np.cos(theta[1]) + FORE * np.sin(theta[2])
+
+
+def forward(theta):
+    """The tip (3,), m."""
+    r = reach(theta)
+    return np.array([np.sin(theta[0]) * r, FORE - FORE * np.cos(theta[2]) + UPPER * np.sin(theta[1]),
+                     -UPPER + np.cos(theta[0]) * r])
+
+
+def jacobian(theta):
+    """d tip / d theta (3, 3), m."""
+    (s1, s2, s3), (c1, c2, c3) = np.sin(theta), np.cos(theta)
+    r = reach(theta)
+    return np.array([[c1 * r, -UPPER * s1 * s2, FORE * s1 * c3],
+                     [0.0, UPPER * c2, FORE * s3],
+                     [-s1 * r, -UPPER * c1 * s2, FORE * c1 * c3]])
+
+
+def inverse(tip):
+    """The posture that has its tip here; a WorkspaceError if there is none within the limits."""
+    x, y, z = tip
+    across, up = np.hypot(x, z + UPPER), y - FORE
+    distance = np.hypot(across, up)
+    if not abs(UPPER - FORE) <= distance <= UPPER + FORE:
+        raise WorkspaceError(f"the tip is {distance:.6g} m from the shoulder: theta_2 and theta_3 reach "
+                             f"{UPPER - FORE:.3f} to {UPPER + FORE:.3f} m")
+    if not across >= LEAST_REACH:
+        raise WorkspaceError(f"theta_1 is singular: the tip is {across:.3g} m from its axis, less than {LEAST_REACH} m")
+
+    def angle(cosine):
+        return np.arccos(np.clip(cosine, -1.0, 1.0))  # beyond one by rounding alone
+
+    elevation = angle((UPPER**2 + distance**2 - FORE**2) / (2.0 * UPPER * distance)) + np.arctan2(up, across)
+    between = angle((UPPER**2 + FORE**2 - distance**2) / (2.0 * UPPER * FORE))
+    theta = np.array([np.arctan2(x, z + UPPER), elevation, elevation + between - np.pi / 2.0])
+    check(theta)
+    return theta
+
+
+def check(theta):
+    """A WorkspaceError for a posture that is not finite, singular or beyond a joint's limit."""
+    if not np.isfinite(theta).all():
+        raise WorkspaceError(f"the joint angles are not finite: {theta}")
+    if not reach(theta) >= LEAST_REACH:
+        raise WorkspaceError(f"theta_1 is singular: the tip is {reach(theta):.3g} m from its axis, "
+                             f"less than {LEAST_REACH} m")
+    degrees = np.degrees([*theta, theta[2] - theta[1]])
+    for (joint, (low, high)), value in zip(LIMITS.items(), degrees):
+        if not low <= value <= high:
+            raise WorkspaceError(f"{joint} = {value:.4g} degrees is outside its limits of {low:g} to {high:g} degrees")
+
+
+def mass_matrix(theta):
+    """M (3, 3), kg m^2, without rotors."""
+    about_axis = (P1 + P2 * np.cos(2.0 * theta[1]) + P3 * np.cos(2.0 * theta[2])
+                  + P4 * np.cos(theta[1]) * np.sin(theta[2]))
+    M = np.diag([about_axis, P5, P6])
+    M[1, 2] = M[2, 1] = -0.5 * P4 * np.sin(theta[1] - theta[2])
+    return M
+
+
+def mass_slopes(theta):
+    """(3, 3, 3): [i] is dM / d theta_i."""
+    (_, s2, s3), (_, c2, c3) = np.sin(theta), np.cos(theta)
+    slopes = np.zeros((3, 3, 3))
+    slopes[1, 0, 0] = -2.0 * P2 * np.sin(2.0 * theta[1]) - P4 * s2 * s3
+    slopes[2, 0, 0] = -2.0 * P3 * np.sin(2.0 * theta[2]) + P4 * c2 * c3
+    slopes[1, 1, 2] = slopes[1, 2, 1] = -0.5 * P4 * np.cos(theta[1] - theta[2])
+    slopes[2, 1, 2] = slopes[2, 2, 1] = 0.5 * P4 * np.cos(theta[1] - theta[2])
+    return slopes
+
+
+def coriolis(theta, rate):
+    """C (3, 3) by Christoffel's symbols: C_kj = sum_i (dM_kj/dtheta_i + dM_ki/dtheta_j - dM_ij/dtheta_k) rate_i / 2."""
+    slopes = mass_slopes(theta)
+    turned = slopes @ rate  # [j, k] = sum_i dM_ki/dtheta_j rate_i
+    return 0.5 * (np.tensordot(rate, slopes, 1) + turned.T - turned)
+
+
+def potential(theta):
+    """Energy of gravity, J."""
+    return P7 * np.sin(theta[1]) - P8 * np.cos(theta[2])
+
+
+def gravity(theta):
+    """N (3,), N m: the slope of the potential."""
+    return np.array([0.0, P7 * np.cos(theta[1]), P8 * np.sin(theta[2])])
+
+
+def to_device(device, places):
+    """Scene positions (3,) or (n, 3) in device axes."""
+    return places @ device.rotation.T + device.offset
+
+
+def to_scene(device, place):
+    return (place - device.offset) @ device.rotation
+
+
+def nearest_whole(value):
+    """The nearest whole number; halves go away from zero."""
+    return np.copysign(np.floor(np.abs(value) + 0.5), value)
+
+
+def measured(device, theta):
+    """The posture that the encoders on the motors tell."""
+    if device.encoder_counts == 0:
+        return theta
+    per_radian = device.capstan_ratio * device.encoder_counts / (2.0 * np.pi)
+    return nearest_whole(theta * per_radian) / per_radian
+
+
+def currents(device, theta, force):
+    """Motor currents (3,), A, commanded for a force at the tip in scene axes, N; `theta` is the measured posture."""
+    force = device.rotation @ force
+    size = np.linalg.norm(force)
+    if size > device.largest_force:
+        force = force * (device.largest_force / size)
+    torque = jacobian(theta).T @ force
+    current = np.clip(torque / (device.capstan_ratio * device.torque_constant), -device.largest_current,
+                      device.largest_current)
+    if device.torque_bits == 0:
+        return current
+    half = 2 ** (device.torque_bits - 1)
+    step = device.largest_current / half
+    return np.clip(nearest_whole(current / step), -half, half - 1) * step

@@ -1,0 +1,73 @@
+"""Device and hand between two commands, in continuous time, integrated by Runge and Kutta's method of order 4.
+
+The hand is a mass between the stylus (k1, b1) and an arm (k2, b2) whose other end follows the waypoints, along each
+device axis (M. J. Fu, M. C. Cavusoglu, Human-arm-and-hand-dynamic model with variability analyses for a stylus-based haptic
+interface, IEEE Trans. Syst. Man Cybern. B 42 (2012)).
+"""
+
+import numpy as np
+
+from . import phantom
+
+# Where the parts of the state (16,) are: rad, rad/s, A, m, m/s, and the energy delivered to the hand, J.
+THETA, RATE, CURRENT, HAND, HAND_VELOCITY = (slice(first, first + 3) for first in range(0, 15, 3))
+ENERGY = 15
+
+
+class Plant:
+    """What does not change: the device, the hand, and the target of the hand in device axes."""
+
+    def __init__(self, device, hand, waypoints):
+        self.device, self.hand = device, hand
+        self.times, self.places = waypoints[:, 0], phantom.to_device(device, waypoints[:, 1:])
+
+    def at_rest(self):
+        """The state at the first waypoint: nothing moves, and no current flows."""
+        state = np.zeros(16)
+        state[THETA] = phantom.inverse(self.places[0])
+        state[HAND] = phantom.forward(state[THETA])
+        return state
+
+    def target(self, t):
+        """Where the hand aims at time t, m."""
+        return np.array([np.interp(t, self.times, axis) for axis in self.places.T])
+
+    def target_velocity(self, t):
+        """Slope of the path in the piece around t, m/s; zero before the first waypoint and after the last."""
+        piece = np.searchsorted(self.times, t, side="right") - 1
+        if not 0 <= piece < len(self.times) - 1:
+            return np.zeros(3)
+        return (self.places[piece + 1] - self.places[piece]) / (self.times[piece + 1] - self.times[piece])
+
+    def slope(self, state, command, target, target_velocity):
+        """d state / dt (16,) under the currents commanded."""
+        device, hand = self.device, self.hand
+        theta, rate = state[THETA], state[RATE]
+        jacobian = phantom.jacobian(theta)
+        velocity = jacobian @ rate
+        stylus = (hand.stylus_stiffness * (state[HAND] - phantom.forward(theta))
+                  + hand.stylus_damping * (state[HAND_VELOCITY] - velocity))  # on the device, N
+        arm = hand.arm_stiffness * (target - state[HAND]) + hand.arm_damping * (target_velocity - state[HAND_VELOCITY])
+        torque = (device.capstan_ratio * device.torque_constant * state[CURRENT] + jacobian.T @ stylus
+                  - phantom.coriolis(theta, rate) @ rate - phantom.gravity(theta) - device.joint_damping * rate
+                  - device.joint_friction * np.tanh(rate / device.friction_speed))
+        inertia = phantom.mass_matrix(theta) + np.diag(device.rotor_inertia)
+        return np.concatenate([rate, np.linalg.solve(inertia, torque),
+                               2.0 * np.pi * device.amplifier_bandwidth * (command - state[CURRENT]),
+                               state[HAND_VELOCITY], (arm - stylus) / hand.mass, [-stylus @ velocity]])
+
+    def advance(self, state, t, h, command):
+        """The state at t + h, by equal substeps, the command being held."""
+        step = h / self.device.substeps
+        for number in range(self.device.substeps):
+            start = t + number * step
+            velocity = self.target_velocity(start + 0.5 * step)
+
+            def slope(share, y):
+                return self.slope(y, command, self.target(start + share * step), velocity)
+            k1 = slope(0.0, state)
+            k2 = slope(0.5, state + 0.5 * step * k1)
+            k3 = slope(0.5, state + 0.5 * step * k2)
+            k4 = slope(1.0, state + step * k3)
+            state = state + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        return state

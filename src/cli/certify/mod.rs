@@ -1,0 +1,253 @@
+//! `stickslip certify`: the servo loop against the clock of this machine, and what that proves.
+
+mod page;
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use clap::{Args, ValueEnum};
+
+use super::progress::Progress;
+use super::tick_timing::{TimedTick, time_ticks};
+use super::{FAIL, INCONCLUSIVE, PASS, interrupt, load, say};
+use crate::output::files::{WriteError, write_file, write_json};
+use crate::pipeline::Simulation;
+use crate::realtime::certificate::{Certificate, Circumstances, Verdict, WorstTick};
+use crate::realtime::load::Load;
+use crate::realtime::machine::{Machine, stolen};
+use crate::realtime::meter::TickTimes;
+use crate::realtime::os;
+use crate::realtime::record::{loop_settings, recorded_pass};
+use crate::realtime::threads::{Pass, Served, serve};
+use crate::scene::{Scene, SceneError};
+use crate::session::{Replayed, Session, TickToReplay, replay};
+use crate::timeline::OverrunPolicy;
+use crate::verify::certificate::causes::StealSample;
+use crate::verify::lateness::consequences;
+
+/// Between two looks at what the hypervisor took.
+const WATCH: Duration = Duration::from_millis(20);
+/// A window of more passes is refused: each is prepared before it begins.
+const MOST_PASSES: u64 = 10_000;
+
+#[derive(Debug, Args)]
+pub struct CertifyArguments {
+    /// A scene file or the name of a shipped scene
+    scene: PathBuf,
+    /// Rate of the servo loop (default: the scene's)
+    #[arg(long, value_name = "HZ")]
+    rate: Option<f64>,
+    /// From a tick's release to its command (default: the scene's, or else a tick)
+    #[arg(long, value_name = "US")]
+    deadline: Option<f64>,
+    /// How long to measure; the scene's path is repeated
+    #[arg(long, value_name = "S", default_value_t = 10.0)]
+    duration: f64,
+    /// What else the machine does meanwhile
+    #[arg(long, value_enum, default_value_t = LoadName::None)]
+    load: LoadName,
+    /// What a missed deadline does (default: the scene's, or else hold)
+    #[arg(long, value_enum)]
+    policy: Option<PolicyName>,
+    /// Where the files go (default: reports/<scene name>)
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum LoadName {
+    None,
+    Cpu,
+    Memory,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum PolicyName {
+    Hold,
+    Zero,
+    Skip,
+}
+
+pub fn certify(arguments: &CertifyArguments) -> miette::Result<u8> {
+    let scene = asked_for(arguments)?;
+    let out = arguments.out.clone().unwrap_or_else(|| Path::new("reports").join(&scene.name));
+    std::fs::create_dir_all(&out).map_err(|source| WriteError { path: out.clone(), source })?;
+    let certificate = measure(&scene, arguments.duration, arguments.load, &out)?;
+    say(page::words(&certificate))?;
+    say(format_args!("certificate: {}", out.join("certificate.md").display()))?;
+    Ok(match certificate.verdict() {
+        Verdict::Pass => PASS,
+        Verdict::Fail => FAIL,
+        Verdict::Inconclusive => INCONCLUSIVE,
+    })
+}
+
+/// The scene with what the command line changes.
+fn asked_for(arguments: &CertifyArguments) -> miette::Result<Scene> {
+    let (mut scene, _) = load(&arguments.scene)?;
+    if let Some(rate) = arguments.rate {
+        scene = scene.at_rate(rate)?;
+    }
+    if let Some(us) = arguments.deadline {
+        let after = us * 1e-6;
+        if !(after > 0.0 && after <= scene.tick) {
+            return Err(miette::miette!(
+                help = "a deadline is above 0 and at most a tick",
+                "a deadline of {us} µs is not possible with ticks of {} µs",
+                scene.tick * 1e6
+            ));
+        }
+        scene.deadline.after = after;
+    }
+    match arguments.policy {
+        None => {}
+        Some(PolicyName::Hold) => scene.deadline.overrun = OverrunPolicy::Hold,
+        Some(PolicyName::Zero) => scene.deadline.overrun = OverrunPolicy::Zero,
+        Some(PolicyName::Skip) => scene.deadline.overrun = OverrunPolicy::Skip,
+    }
+    if !(arguments.duration > 0.0 && arguments.duration <= MOST_PASSES as f64 * scene.duration) {
+        return Err(miette::miette!(
+            help = format!("give one above 0, at most {MOST_PASSES} times the scene's {} s", scene.duration),
+            "a duration of {} s is not possible",
+            arguments.duration
+        ));
+    }
+    Ok(scene)
+}
+
+/// Measures a scene's loop, does its worst ticks again, judges, and writes everything into a folder.
+fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette::Result<Certificate> {
+    let stop = interrupt::flag()?;
+    let ticks = (duration_s / scene.tick).round().max(1.0) as u64;
+    let (passes, warm_up) = prepare(scene, ticks, stop)?;
+    let settings = loop_settings(scene, &warm_up, true);
+    let cpus = os::affinity();
+    let (kind, words) = match load {
+        LoadName::None => (Load::None, "none".to_owned()),
+        LoadName::Cpu => (Load::Cpu, format!("cpu: {} threads that compute", cpus.len())),
+        LoadName::Memory => (Load::Memory, format!("memory: {} threads that write through 64 MiB each", cpus.len())),
+    };
+    let mut progress = Progress::new(ticks, "ticks");
+    progress.begin(&scene.name);
+    let load = kind.start(cpus.len());
+    let (served, steal) =
+        watched(duration_s, &mut progress, ticks, || serve(passes, warm_up.into_loops().0, settings, stop));
+    drop(load);
+    drop(progress);
+    let mut served = served.ok_or_else(|| miette::miette!("a thread of the loop ended in a panic"))?;
+
+    let session = session(scene, &mut served);
+    let replayed = replays(&session, scene)?;
+    let worst = worst(&served, time_ticks(&session, scene)?);
+    let consequences = consequences(scene).map_err(|error| miette::miette!("{error}"))?;
+    let cpu = served.obtained.cpus.first().copied().unwrap_or_default();
+    let certificate = Certificate::new(
+        &served,
+        Circumstances {
+            scene: scene.name.clone(),
+            rate_hz: 1.0 / scene.tick,
+            overrun: scene.deadline.overrun,
+            load: words,
+            steal,
+            machine: Machine::describe(cpu),
+            replayed,
+            worst,
+            consequences,
+        },
+    );
+    write_json(&out.join("session.json"), &session)?;
+    write_json(&out.join("certificate.json"), &certificate)?;
+    for (name, svg) in page::figures(&served)? {
+        write_file(&out.join(name), svg.as_bytes())?;
+    }
+    write_file(&out.join("certificate.md"), page::markdown(&certificate).as_bytes())?;
+    Ok(certificate)
+}
+
+/// Fresh states for so many ticks, and one to warm up with.
+fn prepare(scene: &Scene, ticks: u64, stop: &AtomicBool) -> Result<(Vec<Pass>, Simulation), SceneError> {
+    let warm_up = Simulation::prepare(scene)?;
+    let mut passes = Vec::new();
+    let mut left = ticks;
+    while left > 0 && !stop.load(Ordering::Relaxed) {
+        let of_this = left.min(scene.tick_count);
+        passes.push(Pass::new(Simulation::prepare(scene)?, of_this, false));
+        left -= of_this;
+    }
+    Ok((passes, warm_up))
+}
+
+/// Does `work` while this thread looks at what the hypervisor takes, and shows how far it must be.
+fn watched<T: Send>(
+    duration_s: f64,
+    progress: &mut Progress,
+    ticks: u64,
+    work: impl FnOnce() -> T + Send,
+) -> (T, Vec<StealSample>) {
+    let looks = (duration_s / WATCH.as_secs_f64()) as usize + 1000;
+    let mut samples = Vec::with_capacity(looks);
+    let look = || stolen().map(|stolen_ticks| StealSample { at_ns: os::now_ns(), stolen_ticks });
+    let start = os::now_ns();
+    let done = std::thread::scope(|scope| {
+        let work = scope.spawn(work);
+        while !work.is_finished() {
+            samples.extend(look());
+            let share = (os::now_ns() - start) as f64 * 1e-9 / duration_s;
+            progress.set((share.min(1.0) * ticks as f64) as u64);
+            std::thread::sleep(WATCH);
+        }
+        work.join()
+    });
+    samples.extend(look());
+    match done {
+        Ok(done) => (done, samples),
+        Err(panic) => std::panic::resume_unwind(panic),
+    }
+}
+
+/// What is needed to do the worst ticks again: their passes, and the first one.
+fn session(scene: &Scene, served: &mut Served) -> Session {
+    let mut session = Session::new(scene, scene.deadline.overrun);
+    let kinds =
+        [(served.meter.worst_by_response(), "longest response"), (served.meter.worst_by_cpu(), "most CPU time")];
+    for (ticks, why) in kinds {
+        for TickTimes { pass, tick, .. } in ticks {
+            session.worst.push(TickToReplay { pass: *pass, tick: *tick, why: why.to_owned() });
+        }
+    }
+    let passes = std::mem::take(&mut served.passes);
+    for (number, pass) in (0..).zip(passes) {
+        let is_needed = number == 0 || session.worst.iter().any(|tick| tick.pass == number);
+        if is_needed && pass.ticks_done() > 0 {
+            session.passes.push(recorded_pass(number, pass));
+        }
+    }
+    session
+}
+
+/// Whether every recorded pass comes out the same.
+fn replays(session: &Session, scene: &Scene) -> Result<bool, SceneError> {
+    let mut same = true;
+    for pass in &session.passes {
+        // A fault that comes again after the same number of ticks is the same run.
+        same &= match replay(session.prepare(scene, pass)?, pass, |_| ()) {
+            Replayed::Same => true,
+            Replayed::Differs { .. } => false,
+            Replayed::Ended { ticks, .. } => ticks == pass.ticks,
+        };
+    }
+    Ok(same)
+}
+
+/// Ticks that were done again, with what they took the first time.
+fn worst(served: &Served, timed: Vec<TimedTick>) -> Vec<WorstTick> {
+    let measured = || served.meter.worst_by_response().iter().chain(served.meter.worst_by_cpu());
+    let entry = |TimedTick { tick, warm_ns, cold_ns }| {
+        let TickToReplay { pass, tick, why } = tick;
+        let is_measured = why == "longest response" || why == "most CPU time";
+        let times = measured().find(|times| is_measured && (times.pass, times.tick) == (pass, tick)).copied();
+        WorstTick { pass, tick, why, times, warm_ns, cold_ns }
+    };
+    timed.into_iter().map(entry).collect()
+}

@@ -1,0 +1,244 @@
+//! What a certificate says to people: a few lines, a Markdown page, two figures.
+
+use std::fmt::Write as _;
+
+use crate::realtime::certificate::{Certificate, MissRate, WorstTick};
+use crate::realtime::record::Quantiles;
+use crate::realtime::threads::Served;
+use crate::verify::certificate::bounds::RateBound;
+use crate::verify::certificate::tail::Tail;
+use crate::verify::lateness::Consequences;
+
+fn us(ns: u64) -> f64 {
+    ns as f64 * 1e-3
+}
+
+/// For the terminal.
+pub fn words(certificate: &Certificate) -> String {
+    let Certificate { compute, platform, .. } = certificate;
+    let mut text = format!(
+        "{}: {} ticks at {:.0} Hz in {:.1} s, deadline {:.0} µs, load {}\n",
+        certificate.scene,
+        certificate.ticks,
+        certificate.rate_hz,
+        certificate.duration_s,
+        certificate.deadline_us,
+        certificate.load,
+    );
+    let mut part = |name: &str, verdict: &str, reasons: &[String]| {
+        let _ = writeln!(text, "{name}: {verdict}: {}", reasons.join("; "));
+    };
+    part("compute", compute.verdict.name(), &compute.reasons);
+    part("platform", platform.verdict.name(), &platform.reasons);
+    let line = |name: &str, q: &Quantiles| {
+        format!(
+            "{name}: p50 {:.1}, p99 {:.1}, p99.9 {:.1}, p99.99 {:.1}, longest {:.1} µs",
+            us(q.p50),
+            us(q.p99),
+            us(q.p999),
+            us(q.p9999),
+            us(q.max)
+        )
+    };
+    let lines = [
+        line("compute ", &compute.compute_ns),
+        line("response", &platform.response_ns),
+        line("empty   ", &platform.control.response_ns),
+    ];
+    text + &lines.join("\n")
+}
+
+/// The page.
+pub fn markdown(certificate: &Certificate) -> String {
+    let Certificate { compute, platform, window, settings, machine, .. } = certificate;
+    let mut page = format!("# {}: servo loop at {:.0} Hz\n\n", certificate.scene, certificate.rate_hz);
+    let mut say = |text: String| {
+        page.push_str(&text);
+        page.push('\n');
+    };
+    say(format!("**Compute: {}.** {}.\n", compute.verdict.name(), compute.reasons.join("; ")));
+    say(format!("**Platform: {}.** {}.\n", platform.verdict.name(), platform.reasons.join("; ")));
+    if certificate.stopped {
+        say("The run was ended before its time; this is what it had.\n".to_owned());
+    }
+    say(format!(
+        "{} ticks in {:.2} s, deadline {:.1} µs after each release, what missed it: {}. Load: {}.\n",
+        certificate.ticks,
+        certificate.duration_s,
+        certificate.deadline_us,
+        certificate.overrun.name(),
+        certificate.load
+    ));
+    say("## Times (µs)\n".to_owned());
+    say("| | p50 | p90 | p99 | p99.9 | p99.99 | longest |\n|---|---|---|---|---|---|---|".to_owned());
+    let rows = [
+        ("release to begin", &platform.release_ns),
+        ("begin to command (wall)", &compute.compute_ns),
+        ("begin to command (thread CPU)", &compute.cpu_ns),
+        ("release to command: the response", &platform.response_ns),
+        ("empty loop: release to begin", &platform.control.release_ns),
+        ("empty loop: response", &platform.control.response_ns),
+    ];
+    for (name, q) in rows {
+        let cells = [q.p50, q.p90, q.p99, q.p999, q.p9999, q.max].map(|ns| format!("{:.1}", us(ns)));
+        say(format!("| {name} | {} |", cells.join(" | ")));
+    }
+    say("\nQuantiles have three digits; the longest and all counts are exact.\n".to_owned());
+    say("![responses over time](response.svg)\n\n![shares that take longer](distribution.svg)\n".to_owned());
+    say("## Misses\n".to_owned());
+    say(format!(
+        "{} ticks missed their deadline, {} were left out, at most {} in a row. The empty loop missed {} of its own.\n",
+        platform.misses, platform.skipped, platform.longest_miss_run, platform.control.misses
+    ));
+    if !platform.causes.is_empty() {
+        say("| cause | misses |\n|---|---|".to_owned());
+        for (cause, count) in &platform.causes {
+            say(format!("| {} | {count} |", cause.name()));
+        }
+        if platform.misses_without_cause > 0 {
+            say(format!("| not looked at one by one | {} |", platform.misses_without_cause));
+        }
+        say(String::new());
+    }
+    for sentence in rate_sentences(&certificate.miss_rate) {
+        say(format!("- {sentence}"));
+    }
+    say(format!("- {}\n", tail_sentence(&certificate.extrapolation)));
+    say("## Ticks that took longest, done again (µs)\n".to_owned());
+    say("| pass | tick | why | response then | CPU then | warm: median, longest | cold: median, longest |".to_owned());
+    say("|---|---|---|---|---|---|---|".to_owned());
+    for WorstTick { pass, tick, why, times, warm_ns, cold_ns } in &certificate.worst {
+        let then = |of: fn(&crate::realtime::meter::TickTimes) -> u64| {
+            times.as_ref().map_or(String::new(), |times| format!("{:.1}", us(of(times))))
+        };
+        let pair = |[median, longest]: [u64; 2]| format!("{:.2}, {:.2}", us(median), us(longest));
+        let (response, cpu) = (then(|times| times.response_ns), then(|times| times.cpu_ns));
+        say(format!("| {pass} | {tick} | {why} | {response} | {cpu} | {} | {} |", pair(*warm_ns), pair(*cold_ns)));
+    }
+    say("\n## What missed deadlines would do\n".to_owned());
+    say(format!(
+        "The same path in virtual time, with a share of the ticks {} ticks long, drawn from a fixed seed; forces are held \
+         against the run in which none is late. Energy given: what the commanded force did along the tip's way.\n",
+        certificate.consequences.late_tick_ticks
+    ));
+    say("| policy | late | left out | force error (RMS) | largest jump (N) | contact losses | energy given (mJ) | |"
+        .to_owned());
+    say("|---|---|---|---|---|---|---|---|".to_owned());
+    let Consequences { on_time, late, .. } = &certificate.consequences;
+    for consequence in std::iter::once(on_time).chain(late) {
+        let name = if consequence.share == 0.0 { "none is late" } else { consequence.overrun.name() };
+        let error = consequence.force_error_rms_rel.map_or("–".to_owned(), |error| format!("{:.2} %", 100.0 * error));
+        let [missed, left_out] = consequence.missed_ticks;
+        say(format!(
+            "| {name} | {missed} | {left_out} | {error} | {:.3} | {} | {:.2} | {} |",
+            consequence.largest_jump_n,
+            consequence.contact_losses,
+            1e3 * consequence.energy_given_j,
+            consequence.fault.as_deref().unwrap_or_default(),
+        ));
+    }
+    say("\n## What the loop had\n".to_owned());
+    let unknown = |value: &Option<String>| value.clone().unwrap_or_else(|| "not told".to_owned());
+    let refused = if settings.refused.is_empty() { "nothing".to_owned() } else { settings.refused.join("; ") };
+    let allocations = window.allocations.map_or("not counted".to_owned(), |calls| calls.to_string());
+    let facts = [
+        ("scheduling", format!("{}, priority {}", settings.policy, settings.priority)),
+        ("its CPUs", format!("{:?} of {}", settings.cpus, machine.cpus)),
+        ("memory locked", settings.memory_locked.to_string()),
+        ("refused", refused),
+        ("calls of the allocator in the window", allocations),
+        ("page faults", window.page_faults.to_string()),
+        ("switches, voluntary and not", format!("{}, {}", window.voluntary_switches, window.involuntary_switches)),
+        ("notes lost to a full ring", window.lost_notes.to_string()),
+        ("same forces when done again", certificate.replayed.to_string()),
+        ("processor", unknown(&machine.processor)),
+        ("instruction sets", machine.cpu_features.join(", ")),
+        ("hypervisor", machine.hypervisor.to_string()),
+        ("time it took (10 ms each, as a rule)", certificate.stolen.map_or("not told".to_owned(), |n| n.to_string())),
+        ("clock source", unknown(&machine.clock_source)),
+        ("frequency governor", unknown(&machine.governor)),
+        ("isolated CPUs", unknown(&machine.isolated)),
+        ("kernel", unknown(&machine.kernel)),
+        ("program (SHA-256)", unknown(&machine.program_sha256)),
+        ("version", certificate.version.to_owned()),
+    ];
+    say("| | |\n|---|---|".to_owned());
+    for (name, value) in facts {
+        say(format!("| {name} | {value} |"));
+    }
+    page
+}
+
+fn rate_sentences(rate: &MissRate) -> Vec<String> {
+    let bound = |what: &str, bound: &Option<RateBound>| match bound {
+        Some(bound) => format!(
+            "{what}: at most {:.1e} with {:.0} % confidence, if {}",
+            bound.upper,
+            100.0 * bound.confidence,
+            bound.assumption
+        ),
+        None => format!("{what}: nothing was measured"),
+    };
+    let independence = match (&rate.independence, &rate.untested) {
+        (Some(test), _) if test.independent => {
+            format!("longest responses of blocks look independent (p = {:.2})", test.p_value)
+        }
+        (Some(test), _) => {
+            format!("longest responses of blocks follow each other (p = {:.1e}): both bounds are too low", test.p_value)
+        }
+        (None, reason) => format!("independence was not tested: {}", reason.as_deref().unwrap_or("no reason given")),
+    };
+    vec![
+        bound("share of ticks that miss their deadline", &rate.ticks),
+        bound(&format!("share of blocks of {} ticks with a miss", rate.block_ticks), &rate.blocks),
+        independence,
+    ]
+}
+
+fn tail_sentence(tail: &Tail) -> String {
+    match tail {
+        Tail::Extrapolated { levels, .. } => {
+            let levels = levels
+                .iter()
+                .map(|level| format!("{:.0} µs once in {:.0e} ticks", level.response_ns * 1e-3, level.ticks as f64));
+            format!("extrapolated from the longest responses of blocks: {}", levels.collect::<Vec<_>>().join(", "))
+        }
+        Tail::Refused { reasons, .. } => format!("not extrapolated beyond what was seen: {}", reasons.join("; ")),
+    }
+}
+
+/// `response.svg` and `distribution.svg`.
+#[cfg(feature = "plots")]
+pub fn figures(served: &Served) -> miette::Result<Vec<(&'static str, String)>> {
+    use miette::{IntoDiagnostic, WrapErr};
+
+    use crate::output::latency::{Stretch, over_time, tails};
+
+    let meter = &served.meter;
+    let span_s = served.window.end_ns.saturating_sub(served.window.begin_ns) as f64 * 1e-9;
+    let total: u64 = meter.blocks().iter().map(|block| block.ticks).sum();
+    let mut before = 0;
+    let stretch = |block: &crate::realtime::meter::Block| {
+        let time_s = span_s * before as f64 / total as f64;
+        before += block.ticks;
+        let mean = block.response_sum_ns as f64 / block.ticks as f64;
+        Stretch { time_s, response_us: [us(block.response_max_ns), mean * 1e-3], control_us: us(block.control_max_ns) }
+    };
+    let stretches: Vec<Stretch> = meter.blocks().iter().map(stretch).collect();
+    let deadline_us = us(meter.deadline_ns());
+    let in_us = |tail: Vec<(f64, f64)>| tail.into_iter().map(|(ns, share)| (ns * 1e-3, share)).collect::<Vec<_>>();
+    let draw = |svg: std::io::Result<String>| svg.into_diagnostic().wrap_err("cannot draw the loop's times");
+    Ok(vec![
+        ("response.svg", draw(over_time(&stretches, deadline_us))?),
+        (
+            "distribution.svg",
+            draw(tails(&in_us(meter.response.tail()), &in_us(meter.control_response.tail()), deadline_us))?,
+        ),
+    ])
+}
+
+/// Nothing without plots.
+#[cfg(not(feature = "plots"))]
+pub fn figures(_: &Served) -> miette::Result<Vec<(&'static str, String)>> {
+    Ok(Vec::new())
+}

@@ -1,0 +1,76 @@
+//! The machine that a loop ran on, as Linux describes it.
+
+use std::fs;
+
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+
+/// Instruction sets that decide which kernels a program takes.
+const FEATURES: [&str; 6] = ["sse2", "sse4_2", "avx", "avx2", "fma", "avx512f"];
+
+/// What is known of the machine. What it does not tell is absent.
+#[derive(Debug, Clone, Serialize)]
+pub struct Machine {
+    /// Release and build of the kernel; says `PREEMPT_RT` where it is one.
+    pub kernel: Option<String>,
+    /// Where its clock comes from.
+    pub clock_source: Option<String>,
+    /// Frequency governor of the servo's CPU.
+    pub governor: Option<String>,
+    /// Whether it runs under a hypervisor.
+    pub hypervisor: bool,
+    /// The processor's name.
+    pub processor: Option<String>,
+    /// CPUs.
+    pub cpus: usize,
+    /// CPUs that the scheduler leaves alone.
+    pub isolated: Option<String>,
+    /// Instruction sets that it has, of those that decide which kernels are taken.
+    pub cpu_features: Vec<&'static str>,
+    /// Share of time that real-time threads may have, µs per second; −1 without limit.
+    pub rt_runtime_us: Option<String>,
+    /// Of the program that ran.
+    pub program_sha256: Option<String>,
+}
+
+fn line(path: &str) -> Option<String> {
+    let text = fs::read_to_string(path).ok()?;
+    let line = text.lines().next()?.trim();
+    (!line.is_empty()).then(|| line.to_owned())
+}
+
+impl Machine {
+    /// This one; `cpu` is the servo's.
+    pub fn describe(cpu: usize) -> Self {
+        let info = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+        let field = |name: &str| {
+            let line = info.lines().find(|line| line.starts_with(name))?;
+            Some(line.split_once(':')?.1.trim().to_owned())
+        };
+        let flags = field("flags").unwrap_or_default();
+        let has = |flag: &str| flags.split_whitespace().any(|word| word == flag);
+        Self {
+            kernel: line("/proc/version"),
+            clock_source: line("/sys/devices/system/clocksource/clocksource0/current_clocksource"),
+            governor: line(&format!("/sys/devices/system/cpu/cpu{cpu}/cpufreq/scaling_governor")),
+            hypervisor: has("hypervisor"),
+            processor: field("model name"),
+            cpus: info.lines().filter(|line| line.starts_with("processor")).count(),
+            isolated: line("/sys/devices/system/cpu/isolated"),
+            cpu_features: FEATURES.into_iter().filter(|flag| has(flag)).collect(),
+            rt_runtime_us: line("/proc/sys/kernel/sched_rt_runtime_us"),
+            program_sha256: program_sha256(),
+        }
+    }
+}
+
+fn program_sha256() -> Option<String> {
+    let program = fs::read(std::env::current_exe().ok()?).ok()?;
+    Some(Sha256::digest(program).iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+/// Time that the hypervisor has taken from all CPUs so far, in ticks of the kernel's accounting (10 ms as a rule).
+pub fn stolen() -> Option<u64> {
+    // cpu user nice system idle iowait irq softirq steal …
+    line("/proc/stat")?.split_whitespace().nth(8)?.parse().ok()
+}

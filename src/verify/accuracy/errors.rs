@@ -1,0 +1,193 @@
+//! How far a method is off, and what came of it.
+
+use serde::Serialize;
+
+use super::method::Method;
+use super::record::{Felt, MODE_WINDOW_S, Record, Reference, force_error, mean, ratio};
+use crate::contact::law::Mode;
+use crate::scene::{Scene, SceneError};
+
+/// A hand takes forces for the same that differ by less than this share.
+pub const PERCEPTION: f64 = 0.1;
+/// A relative error above this is worse than commanding no force at all, whose error is 1.
+const DIVERGED_ABOVE: f64 = 1.0;
+/// Force errors are also given for windows this long, s.
+const FORCE_WINDOW_S: f64 = 0.1;
+
+/// Force errors in a window of time, relative to the force of the whole drag.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct WindowError {
+    /// Where it begins, s.
+    pub time_s: f64,
+    /// Of the force,
+    pub force: f64,
+    /// along the contact normal,
+    pub normal: f64,
+    /// and across.
+    pub tangential: f64,
+}
+
+/// How far a method is off, against the reference at the same tick unless it says otherwise.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Errors {
+    /// Root mean square of the force error over that of the reference's force.
+    pub force_error_rms_rel: f64,
+    /// The same against the fine reference.
+    pub force_error_rms_rel_fine: f64,
+    /// N.
+    pub force_error_max_n: f64,
+    /// The part of the error along the reference's normal,
+    pub normal_error_rms_rel: f64,
+    /// and across: both relative to the whole force, so that their squares add up.
+    pub tangential_error_rms_rel: f64,
+    /// The same in windows.
+    pub force_error_per_100_ms: Vec<WindowError>,
+    /// 1 − ½ Σ |difference in the share of free, sticking, sliding and slipping ticks|, mean over windows of
+    /// 50 ms: under stick-slip contact, 1 − the difference in the fraction that slips.
+    pub mode_agreement: f64,
+    /// In the worst window.
+    pub mode_agreement_worst: f64,
+    /// How much later slip sets in, s; absent if it does not in both.
+    pub slip_onset_error_s: Option<f64>,
+    /// Root mean square of the distance between the contact points, on the surface at rest, m; absent if
+    /// they never touch at the same time.
+    pub contact_point_error_rms_m: Option<f64>,
+    /// The largest, m.
+    pub contact_point_error_max_m: Option<f64>,
+    /// Largest change of force in the first tick of a new model, beyond the reference's, over its force.
+    pub handover_jump_rel: f64,
+    /// Residual of the energy book over the total |work|.
+    pub energy_residual_rel: f64,
+}
+
+impl Errors {
+    /// Of a run.
+    pub fn of(record: &Record, reference: &Reference) -> Self {
+        let coarse = &reference.coarse;
+        let force_rms = coarse.force_rms_n();
+        let parts: Vec<[f64; 3]> = record.felt.iter().zip(&coarse.felt).map(error_parts).collect();
+        let relative = |part: usize, parts: &[[f64; 3]]| ratio(mean(parts.iter().map(|e| e[part])).sqrt(), force_rms);
+        let window = record.window(FORCE_WINDOW_S);
+        let per_window = parts.chunks(window).enumerate().map(|(i, parts)| WindowError {
+            time_s: (i * window) as f64 * record.tick,
+            force: relative(0, parts),
+            normal: relative(1, parts),
+            tangential: relative(2, parts),
+        });
+        let modes = record.window(MODE_WINDOW_S);
+        let agreements: Vec<f64> =
+            record.felt.chunks(modes).zip(coarse.felt.chunks(modes)).map(|(a, b)| mode_agreement(a, b)).collect();
+        let places = record.felt.iter().zip(&coarse.felt).filter_map(|(a, b)| Some((a.place? - b.place?).norm()));
+        let distances: Vec<f64> = places.collect();
+        let touched = |value: f64| (!distances.is_empty()).then_some(value);
+        Self {
+            force_error_rms_rel: relative(0, &parts),
+            force_error_rms_rel_fine: force_error(record, &reference.fine),
+            force_error_max_n: parts.iter().map(|e| e[0].sqrt()).fold(0.0, f64::max),
+            normal_error_rms_rel: relative(1, &parts),
+            tangential_error_rms_rel: relative(2, &parts),
+            force_error_per_100_ms: per_window.collect(),
+            mode_agreement: mean(agreements.iter().copied()),
+            mode_agreement_worst: agreements.iter().copied().fold(1.0, f64::min),
+            slip_onset_error_s: record.slip_onset().zip(coarse.slip_onset()).map(|(a, b)| a - b),
+            contact_point_error_rms_m: touched(mean(distances.iter().map(|d| d * d)).sqrt()),
+            contact_point_error_max_m: touched(distances.iter().copied().fold(0.0, f64::max)),
+            handover_jump_rel: record.handover_jump_rel(coarse),
+            energy_residual_rel: record.energy_residual_rel,
+        }
+    }
+}
+
+/// |e|², (e·n̂)² and |e − (e·n̂)n̂|² of one tick, N².
+fn error_parts((felt, reference): (&Felt, &Felt)) -> [f64; 3] {
+    let error = felt.force - reference.force;
+    let along = reference.normal.or(felt.normal).map_or(0.0, |normal| error.dot(&normal));
+    let square = error.norm_squared();
+    [square, along * along, (square - along * along).max(0.0)]
+}
+
+/// 1 − the total variation distance between the shares of modes.
+fn mode_agreement(a: &[Felt], b: &[Felt]) -> f64 {
+    let share = |felt: &[Felt], mode| felt.iter().filter(|felt| felt.mode == mode).count() as f64 / felt.len() as f64;
+    let apart = [Mode::Free, Mode::Stick, Mode::Slide, Mode::Slip].map(|mode| (share(a, mode) - share(b, mode)).abs());
+    1.0 - 0.5 * apart.iter().sum::<f64>()
+}
+
+/// What came of a method.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Status {
+    /// Its error can be told from the reference's own, and it is within the budget.
+    Ok,
+    /// Its error is below the disagreement of the references: better than can be measured here.
+    Unresolved,
+    /// A tick or a cycle takes longer than the budget allows.
+    Overrun,
+    /// A fault ended it, or its force is worse than none.
+    Diverged,
+}
+
+impl Status {
+    /// As JSON has it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::Unresolved => "unresolved",
+            Self::Overrun => "overrun",
+            Self::Diverged => "diverged",
+        }
+    }
+}
+
+/// A method held against its reference.
+#[derive(Debug, Clone)]
+pub struct Assessment {
+    /// Its run.
+    pub record: Record,
+    /// How far it is off.
+    pub errors: Errors,
+    /// Whether its error is at or below the floor.
+    pub is_unresolved: bool,
+    /// A fault ended it, or its force is worse than none.
+    pub is_diverged: bool,
+}
+
+impl Assessment {
+    /// Runs the scene's drag by a method whose contact is that of the reference.
+    ///
+    /// # Errors
+    /// If it cannot start.
+    pub fn of(scene: &Scene, method: &Method, reference: &Reference) -> Result<Self, SceneError> {
+        let record = Record::of(&method.scene(scene))?;
+        let errors = Errors::of(&record, reference);
+        let is_good = errors.force_error_rms_rel <= DIVERGED_ABOVE;
+        Ok(Self {
+            is_unresolved: errors.force_error_rms_rel <= reference.floor,
+            is_diverged: record.fault.is_some() || !is_good,
+            record,
+            errors,
+        })
+    }
+
+    /// What came of it.
+    pub fn status(&self, within_budget: bool) -> Status {
+        match (self.is_diverged, within_budget, self.is_unresolved) {
+            (true, _, _) => Status::Diverged,
+            (false, false, _) => Status::Overrun,
+            (false, true, true) => Status::Unresolved,
+            (false, true, false) => Status::Ok,
+        }
+    }
+}
+
+/// Which of some (cost, error) no other beats in both: the Pareto front.
+///
+/// ```
+/// use stickslip::verify::accuracy::front;
+/// assert_eq!(front(&[(1.0, 0.3), (2.0, 0.1), (3.0, 0.2), (f64::NAN, 0.0)]), [true, true, false, false]);
+/// ```
+pub fn front(points: &[(f64, f64)]) -> Vec<bool> {
+    let beats = |a: &(f64, f64), b: &(f64, f64)| a.0 <= b.0 && a.1 <= b.1 && a != b;
+    let whole = |point: &(f64, f64)| point.0.is_finite() && point.1.is_finite();
+    points.iter().map(|point| whole(point) && !points.iter().any(|other| beats(other, point))).collect()
+}

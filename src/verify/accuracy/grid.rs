@@ -1,0 +1,204 @@
+//! The methods of a comparison.
+
+use super::super::surfaces::whole;
+use super::method::{Method, Touching, ticks_per_cycle};
+use crate::contact::operators::Metric;
+use crate::contact::surface::ContactSurface;
+use crate::contact::tick::{Deformation, Scheme};
+use crate::model::condensation::{Condensation, FarField, Reach};
+use crate::model::local::{ExteriorKind, Linearization, LocalSettings};
+use crate::model::patch::Extent;
+use crate::model::springs::TangentKind;
+use crate::model::step::LocalIntegrator;
+use crate::pipeline::Simulation;
+use crate::scene::{Scene, SceneError};
+
+/// The paper's local model: one ring of tangents in an exterior that stands still,
+pub const PAPER: LocalSettings = LocalSettings {
+    extent: Extent::Rings(1),
+    linearization: Linearization::Tangent(TangentKind::Exact),
+    exterior: ExteriorKind::Fixed,
+};
+/// renewed so often, Hz.
+pub const PAPER_RATE_HZ: f64 = 10.0;
+
+/// Bytes that the dense matrices of one local model may take in a grid; a scene's own may take more.
+const MOST_MATRIX_BYTES: usize = 1 << 28;
+
+/// Which methods are compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Coverage {
+    /// One to three rings and all, the paper's rate and five times that, the scene's contact and the velocity
+    /// scheme on subdivision.
+    Default,
+    /// Also four rings, coarse far fields, more rates and more contacts.
+    All,
+}
+
+/// The methods of a comparison, the paper's and the scene's own among them.
+#[derive(Debug, Clone)]
+pub struct Grid {
+    /// Each once, grouped by contact, the scene's own contact first.
+    pub methods: Vec<Method>,
+    /// Contacts in the order in which they come.
+    pub contacts: Vec<Touching>,
+    /// What was not taken in, and why.
+    pub left_out: Vec<String>,
+}
+
+/// The methods that a scene's drag is run with.
+///
+/// # Errors
+/// If the scene cannot be put together.
+pub fn grid(scene: &Scene, coverage: Coverage) -> Result<Grid, SceneError> {
+    let own = Method::of(scene);
+    Simulation::prepare(scene)?;
+    let mut left_out = Vec::new();
+    let mut contacts = vec![own.touching];
+    for touching in other_contacts(coverage) {
+        if !contacts.contains(&touching) {
+            match Simulation::prepare(&whole(scene, touching.surface, touching.scheme)) {
+                Ok(_) => contacts.push(touching),
+                Err(error) => left_out.push(format!("{touching}: {error}")),
+            }
+        }
+    }
+    let mut rates = vec![own.global_rate];
+    let more: &[f64] = match coverage {
+        Coverage::Default => &[PAPER_RATE_HZ, 50.0],
+        Coverage::All => &[PAPER_RATE_HZ, 20.0, 50.0, 100.0],
+    };
+    for &rate in more {
+        match ticks_per_cycle(scene, rate) {
+            Some(_) if rates.contains(&rate) => {}
+            Some(_) => rates.push(rate),
+            None => {
+                left_out.push(format!("{rate} Hz: the scene's ticks, or its latency, do not fit into such a cycle"))
+            }
+        }
+    }
+    let free = scene.fixed.iter().filter(|&&fixed| !fixed).count();
+    let (mut locals, too_large): (Vec<_>, Vec<_>) =
+        local_models(coverage).into_iter().partition(|local| matrix_bytes(local, free) <= MOST_MATRIX_BYTES);
+    if !too_large.is_empty() {
+        left_out.push(format!("tangents of all rings: their matrix, for {free} free nodes, is too large"));
+    }
+    if !own.is_full && !locals.contains(&own.local) {
+        locals.insert(0, own.local);
+    }
+
+    let explicit = LocalIntegrator::SemiImplicitEuler;
+    let mut methods = Vec::new();
+    for &touching in &contacts {
+        if own.is_full {
+            methods.push(Method { touching, ..own });
+        }
+        for &local in &locals {
+            // All springs at every tick are the full network, however often they are collected anew.
+            let renewals = if is_exact(&local) { &rates[..1] } else { &rates[..] };
+            methods.extend(renewals.iter().map(|&global_rate| Method {
+                is_full: false,
+                local,
+                integrator: explicit,
+                global_rate,
+                touching,
+            }));
+        }
+        if touching.scheme == Scheme::Velocity {
+            let implicit = SOLVED.into_iter().flat_map(|integrator| {
+                let solved = locals.iter().filter(|local| is_solvable(local));
+                solved.map(move |&local| (integrator, local))
+            });
+            methods.extend(implicit.map(|(integrator, local)| Method {
+                is_full: false,
+                local,
+                integrator,
+                global_rate: own.global_rate,
+                touching,
+            }));
+        }
+        if !own.is_full && own.touching == touching && !methods.contains(&own) {
+            methods.push(own);
+        }
+    }
+    Ok(Grid { methods, contacts, left_out })
+}
+
+/// Integrators that solve the linear model as a whole.
+const SOLVED: [LocalIntegrator; 3] =
+    [LocalIntegrator::ImplicitEuler, LocalIntegrator::ImplicitMidpoint, LocalIntegrator::Exponential];
+
+/// Linear models that they are compared on: one and two rings, as the paper has them or condensed.
+fn is_solvable(local: &LocalSettings) -> bool {
+    let small = matches!(local.extent, Extent::Rings(1 | 2));
+    let followed = Condensation { tangent: TangentKind::Exact, reach: Reach::All };
+    let exterior = [ExteriorKind::Fixed, ExteriorKind::Condensed(followed)].contains(&local.exterior);
+    small && exterior && local.linearization == Linearization::Tangent(TangentKind::Exact)
+}
+
+fn is_exact(local: &LocalSettings) -> bool {
+    (local.extent, local.linearization) == (Extent::All, Linearization::None)
+}
+
+/// The contacts that are compared beside the scene's own.
+fn other_contacts(coverage: Coverage) -> Vec<Touching> {
+    let geometric = |surface, deformation| {
+        let scheme = Scheme::Geometric { deformation, metric: Metric::Euclidean };
+        Touching { surface, scheme }
+    };
+    let velocity = |surface| Touching { surface, scheme: Scheme::Velocity };
+    let mut contacts = vec![velocity(ContactSurface::Subdivision)];
+    if coverage == Coverage::All {
+        contacts.extend([
+            geometric(ContactSurface::Faceted, Deformation::Rigid),
+            geometric(ContactSurface::Shaded, Deformation::LeastNorm),
+            velocity(ContactSurface::Faceted),
+        ]);
+    }
+    contacts
+}
+
+/// The local models that are compared.
+fn local_models(coverage: Coverage) -> Vec<LocalSettings> {
+    use Linearization::{None as Springs, Tangent};
+    use TangentKind::{Exact, Stabilised};
+    let most_rings = if coverage == Coverage::All { 4 } else { 3 };
+    let mut models = Vec::new();
+    for rings in 1..=most_rings {
+        let mut reaches = vec![Reach::All];
+        if coverage == Coverage::All {
+            reaches.push(Reach::Rings { rings: rings + 2, far_field: FarField::Coarse });
+        }
+        for linearization in [Tangent(Exact), Tangent(Stabilised), Springs] {
+            let condensed_by: &[TangentKind] = match linearization {
+                Tangent(Exact) => &[Exact],
+                Tangent(Stabilised) => &[Stabilised],
+                Springs => &[Exact, Stabilised],
+            };
+            let condensed = condensed_by.iter().flat_map(|&tangent| {
+                reaches.iter().map(move |&reach| ExteriorKind::Condensed(Condensation { tangent, reach }))
+            });
+            let exteriors = [ExteriorKind::Fixed, ExteriorKind::Drifting].into_iter().chain(condensed);
+            let extent = Extent::Rings(rings);
+            models.extend(exteriors.map(|exterior| LocalSettings { extent, linearization, exterior }));
+        }
+    }
+    models.extend([Tangent(Exact), Tangent(Stabilised), Springs].map(|linearization| LocalSettings {
+        extent: Extent::All,
+        linearization,
+        exterior: ExteriorKind::Fixed,
+    }));
+    models
+}
+
+/// \[K D\] of a patch, 3m × 6m.
+fn matrix_bytes(local: &LocalSettings, free: usize) -> usize {
+    let m = match local.extent {
+        Extent::All => free,
+        Extent::Rings(rings) => free.min((2 * rings as usize + 1).saturating_pow(3)),
+    };
+    match local.linearization {
+        Linearization::Tangent(_) => m.saturating_mul(m).saturating_mul(18 * size_of::<f64>()),
+        Linearization::None => 0,
+    }
+}

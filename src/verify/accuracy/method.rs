@@ -1,0 +1,225 @@
+//! One way to run a drag, and its words.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use crate::contact::operators::Metric;
+use crate::contact::surface::ContactSurface;
+use crate::contact::tick::{Deformation, Scheme};
+use crate::model::condensation::{FarField, Reach};
+use crate::model::local::{ExteriorKind, Linearization, LocalSettings};
+use crate::model::patch::Extent;
+use crate::model::springs::TangentKind;
+use crate::model::step::LocalIntegrator;
+use crate::scene::Scene;
+
+/// How the tip meets the mesh.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Touching {
+    /// What it feels.
+    pub surface: ContactSurface,
+    /// How it constrains.
+    pub scheme: Scheme,
+}
+
+/// One way to run a drag.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Method {
+    /// `model = "full"`: there is no local model.
+    pub is_full: bool,
+    /// The local model.
+    pub local: LocalSettings,
+    /// How its ticks are solved.
+    pub integrator: LocalIntegrator,
+    /// How often it is renewed, Hz.
+    pub global_rate: f64,
+    /// The contact.
+    pub touching: Touching,
+}
+
+/// A method in the words of scenes; `None` where a key has no effect.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Names {
+    /// "patch" or "full".
+    pub model: &'static str,
+    /// A number, or "all".
+    pub rings: Rings,
+    /// "tangent" or "none".
+    pub linearization: &'static str,
+    /// "fixed", "drifting" or "condensed".
+    pub exterior: Option<&'static str>,
+    /// "exact" or "stabilised".
+    pub tangent: Option<&'static str>,
+    /// How far a condensed exterior follows; "all" of it, or springs from the centre.
+    pub condense_rings: Option<Rings>,
+    /// What lies beyond, "fixed" or "coarse".
+    pub far_field: Option<&'static str>,
+    /// Of the local model.
+    pub integrator: &'static str,
+    /// "geometric" or "velocity".
+    pub scheme: &'static str,
+    /// "faceted", "shaded" or "subdivision".
+    pub surface: &'static str,
+    /// "rigid" or "least-norm".
+    pub deformation: Option<&'static str>,
+    /// "euclidean" or "mass".
+    pub metric: Option<&'static str>,
+    /// Hz.
+    pub global_rate: f64,
+}
+
+/// `rings` as scenes give them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(untagged)]
+pub enum Rings {
+    /// So many.
+    Count(u32),
+    /// "all".
+    Named(&'static str),
+}
+
+impl Method {
+    /// What a scene asks for.
+    pub fn of(scene: &Scene) -> Self {
+        Self {
+            is_full: scene.is_full,
+            local: scene.local,
+            integrator: scene.integrator,
+            global_rate: scene.global.rate,
+            touching: Touching { surface: scene.surface, scheme: scene.contact.scheme },
+        }
+    }
+
+    /// The scene's drag, run this way. The substeps of the global side stay as long as they are.
+    pub fn scene(&self, scene: &Scene) -> Scene {
+        let mut own = scene.clone();
+        (own.local, own.is_full, own.integrator) = (self.local, self.is_full, self.integrator);
+        (own.surface, own.contact.scheme) = (self.touching.surface, self.touching.scheme);
+        if let Some(ticks) = ticks_per_cycle(scene, self.global_rate) {
+            let substeps = f64::from(scene.global.substeps) * f64::from(ticks) / f64::from(scene.ticks_per_cycle);
+            own.global.substeps = (substeps.round() as u32).max(1);
+            (own.global.rate, own.ticks_per_cycle) = (self.global_rate, ticks);
+        }
+        own
+    }
+
+    /// In the words of scenes.
+    pub fn names(&self) -> Names {
+        let kind = |kind: TangentKind| match kind {
+            TangentKind::Exact => "exact",
+            TangentKind::Stabilised => "stabilised",
+        };
+        let LocalSettings { extent, linearization, exterior } = self.local;
+        let (linearization, mut tangent) = match linearization {
+            Linearization::Tangent(tangent) => ("tangent", Some(kind(tangent))),
+            Linearization::None => ("none", None),
+        };
+        let (mut condense_rings, mut far_field) = (None, None);
+        let exterior = match exterior {
+            ExteriorKind::Fixed => "fixed",
+            ExteriorKind::Drifting => "drifting",
+            ExteriorKind::Condensed(condensation) => {
+                tangent = Some(kind(condensation.tangent));
+                (condense_rings, far_field) = match condensation.reach {
+                    Reach::All => (Some(Rings::Named("all")), None),
+                    Reach::Rings { rings, far_field: FarField::Fixed } => (Some(Rings::Count(rings)), Some("fixed")),
+                    Reach::Rings { rings, far_field: FarField::Coarse } => (Some(Rings::Count(rings)), Some("coarse")),
+                };
+                "condensed"
+            }
+        };
+        let (rings, exterior) = match extent {
+            Extent::Rings(rings) => (Rings::Count(rings), Some(exterior)),
+            Extent::All => (Rings::Named("all"), None),
+        };
+        let (scheme, deformation, metric) = match self.touching.scheme {
+            Scheme::Geometric { deformation, metric } => ("geometric", Some(deformation), Some(metric)),
+            Scheme::Velocity => ("velocity", None, None),
+        };
+        Names {
+            model: if self.is_full { "full" } else { "patch" },
+            rings,
+            linearization,
+            exterior,
+            tangent,
+            condense_rings,
+            far_field,
+            integrator: self.integrator.name(),
+            scheme,
+            surface: match self.touching.surface {
+                ContactSurface::Faceted => "faceted",
+                ContactSurface::Shaded => "shaded",
+                ContactSurface::Subdivision => "subdivision",
+            },
+            deformation: deformation.map(|deformation| match deformation {
+                Deformation::Rigid => "rigid",
+                Deformation::LeastNorm => "least-norm",
+            }),
+            metric: metric.map(|metric| match metric {
+                Metric::Euclidean => "euclidean",
+                Metric::Mass => "mass",
+            }),
+            global_rate: self.global_rate,
+        }
+    }
+}
+
+impl Touching {
+    /// In the words of scenes, with the full network.
+    pub fn names(self) -> Names {
+        Method {
+            is_full: true,
+            local: LocalSettings::FULL,
+            integrator: LocalIntegrator::SemiImplicitEuler,
+            global_rate: 0.0,
+            touching: self,
+        }
+        .names()
+    }
+}
+
+impl fmt::Display for Rings {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Count(1) => f.write_str("1 ring"),
+            Self::Count(rings) => write!(f, "{rings} rings"),
+            Self::Named(name) => write!(f, "{name} rings"),
+        }
+    }
+}
+
+/// The local model and its rate; not the contact.
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.is_full {
+            return f.write_str("full network");
+        }
+        let Names { rings, linearization, exterior, tangent, condense_rings, global_rate, .. } = self.names();
+        write!(f, "{rings}, {linearization}")?;
+        [exterior, tangent].into_iter().flatten().try_for_each(|word| write!(f, ", {word}"))?;
+        if let Some(reach @ Rings::Count(_)) = condense_rings {
+            write!(f, " within {reach}")?;
+        }
+        if self.integrator != LocalIntegrator::SemiImplicitEuler {
+            write!(f, ", {}", self.integrator.name())?;
+        }
+        write!(f, ", {global_rate} Hz")
+    }
+}
+
+impl fmt::Display for Touching {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let names = self.names();
+        write!(f, "{} scheme on the {} surface", names.scheme, names.surface)?;
+        names.deformation.map_or(Ok(()), |deformation| write!(f, ", {deformation}"))
+    }
+}
+
+/// Ticks in a cycle of this rate; `None` if it is no whole number, or the scene's models come later than that.
+pub(super) fn ticks_per_cycle(scene: &Scene, rate: f64) -> Option<u32> {
+    let ratio = 1.0 / (scene.tick * rate);
+    let ticks = ratio.round();
+    let whole = (ratio - ticks).abs() <= 1e-9 * ratio && ticks >= 1.0 && ticks <= f64::from(u32::MAX);
+    (whole && f64::from(scene.global.latency_ticks) < ticks).then_some(ticks as u32)
+}

@@ -1,0 +1,12 @@
+//! What local approximations cost in accuracy: a grid of them, each held against the whole network at the
+//! haptic rate with the same contact code, so that nothing but the local model differs.
+
+mod errors;
+mod grid;
+mod method;
+mod record;
+
+pub use errors::{Assessment, Errors, PERCEPTION, Status, WindowError, front};
+pub use grid::{Coverage, Grid, PAPER, PAPER_RATE_HZ, grid};
+pub use method::{Method, Names, Rings, Touching};
+pub use record::{REFINEMENT, Record, Reference};

@@ -1,0 +1,212 @@
+//! Runs as errors are taken from them, and those that methods are held against.
+
+use super::super::surfaces::whole;
+use super::method::Touching;
+use crate::Vec3;
+use crate::contact::law::Mode;
+use crate::contact::tick::Scheme;
+use crate::model::condensation::CondensationCounts;
+use crate::model::work::WorkCounts;
+use crate::output::summary::Sample;
+use crate::pipeline::Simulation;
+use crate::scene::{Scene, SceneError};
+
+/// The fine reference takes so many steps in a tick.
+pub const REFINEMENT: u32 = 8;
+/// Ticks stick and slip in turns, so modes are compared by their shares in windows this long, s.
+pub(super) const MODE_WINDOW_S: f64 = 0.05;
+/// Slip has set in where at least this share of the window that follows slips.
+const ONSET_SHARE: f64 = 0.5;
+
+/// One tick of a record.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Felt {
+    pub(super) force: Vec3,
+    normal_force: f64,
+    tangential_force: f64,
+    pub(super) mode: Mode,
+    /// n̂, in contact.
+    pub(super) normal: Option<Vec3>,
+    /// Where the contact point lies on the surface at rest, m.
+    pub(super) place: Option<Vec3>,
+    /// The first tick of a new model.
+    handed_over: bool,
+}
+
+/// After a fault nothing is commanded.
+const NOTHING: Felt = Felt {
+    force: Vec3::new(0.0, 0.0, 0.0),
+    normal_force: 0.0,
+    tangential_force: 0.0,
+    mode: Mode::Free,
+    normal: None,
+    place: None,
+    handed_over: false,
+};
+
+/// A run as errors are taken from it: the state at the end of every tick of the scene, without force after
+/// a fault.
+#[derive(Debug, Clone)]
+pub struct Record {
+    pub(super) felt: Vec<Felt>,
+    pub(super) tick: f64,
+    /// The fault that ended it, if one did.
+    pub fault: Option<String>,
+    /// Residual of the energy book over the total |work|; 0 without work.
+    pub energy_residual_rel: f64,
+    /// What was computed.
+    pub work: WorkCounts,
+    /// What became of a condensed exterior.
+    pub condensation: Option<CondensationCounts>,
+}
+
+impl Record {
+    /// Runs a scene.
+    ///
+    /// # Errors
+    /// If it cannot start. A fault is part of the answer.
+    pub fn of(scene: &Scene) -> Result<Self, SceneError> {
+        Self::every(scene, 1)
+    }
+
+    /// Runs a scene and keeps one tick of so many. The geometric scheme's force is that of a state, kept as it
+    /// is at the end; the velocity scheme's is an impulse over a tick, kept as its mean.
+    fn every(scene: &Scene, ticks: u32) -> Result<Self, SceneError> {
+        let simulation = Simulation::prepare(scene)?;
+        let rest = simulation.network().rest.clone();
+        let mut record = Self {
+            felt: Vec::with_capacity((scene.tick_count / u64::from(ticks)) as usize),
+            tick: scene.tick * f64::from(ticks),
+            fault: None,
+            energy_residual_rel: 0.0,
+            work: WorkCounts::default(),
+            condensation: None,
+        };
+        let mut impulse = Vec3::zeros();
+        let end = simulation.run(|view| {
+            impulse += view.force;
+            if (view.tick + 1) % u64::from(ticks) != 0 {
+                return;
+            }
+            let mean = std::mem::take(&mut impulse) / f64::from(ticks);
+            let force = match scene.contact.scheme {
+                Scheme::Geometric { .. } => view.force,
+                Scheme::Velocity => mean,
+            };
+            let (report, model) = (view.report, view.local.model());
+            let place = report.touch.map(|touch| {
+                let weights = model.geometry.weights(&model.surface, &touch.point);
+                let node = |vertex: u32| model.surface.vertex_node[vertex as usize] as usize;
+                weights.map(|(vertex, weight)| rest[node(vertex)] * weight).sum()
+            });
+            record.felt.push(Felt {
+                force,
+                normal_force: report.normal_force,
+                tangential_force: report.tangential_force(),
+                mode: report.mode,
+                normal: report.touch.map(|touch| touch.normal),
+                place,
+                handed_over: view.tick > 0 && view.model_age == 0 && !scene.is_full,
+            });
+            record.energy_residual_rel = ratio(view.energy.residual(), view.energy.absolute_work);
+            (record.work, record.condensation) = (view.work, view.condensation);
+        });
+        record.fault = end.err().map(|fault| fault.to_string());
+        record.felt.resize((scene.tick_count / u64::from(ticks)) as usize, NOTHING);
+        Ok(record)
+    }
+
+    /// For a figure of its forces.
+    pub fn samples(&self) -> Vec<Sample> {
+        let samples = self.felt.iter().enumerate().map(|(i, felt)| Sample {
+            time: (i + 1) as f64 * self.tick,
+            force: felt.force,
+            normal_force: felt.normal_force,
+            tangential_force: felt.tangential_force,
+            mode: felt.mode,
+        });
+        samples.collect()
+    }
+
+    /// Root mean square of the force, N.
+    pub fn force_rms_n(&self) -> f64 {
+        mean(self.felt.iter().map(|felt| felt.force.norm_squared())).sqrt()
+    }
+
+    /// Largest change of force in the first tick of a new model, with contact before and after it, beyond that of
+    /// the reference in the same tick, over the reference's force before it.
+    pub(super) fn handover_jump_rel(&self, reference: &Record) -> f64 {
+        let touches = |felt: &Felt| felt.mode != Mode::Free;
+        let jumps = self.felt.windows(2).zip(reference.felt.windows(2)).filter_map(|(own, whole)| {
+            let counts = own[1].handed_over && own.iter().chain(whole).all(touches);
+            let change = (own[1].force - own[0].force) - (whole[1].force - whole[0].force);
+            counts.then(|| ratio(change.norm(), whole[0].force.norm()))
+        });
+        jumps.fold(0.0, f64::max)
+    }
+
+    /// When slip sets in, s.
+    pub(super) fn slip_onset(&self) -> Option<f64> {
+        let window = self.window(MODE_WINDOW_S);
+        let slips = |felt: &Felt| felt.mode == Mode::Slip;
+        let share = |felt: &[Felt]| felt.iter().filter(|felt| slips(felt)).count() as f64 / window as f64;
+        let first = self.felt.windows(window).position(|ahead| slips(&ahead[0]) && share(ahead) >= ONSET_SHARE)?;
+        Some((first + 1) as f64 * self.tick)
+    }
+
+    /// Ticks in so many seconds.
+    pub(super) fn window(&self, seconds: f64) -> usize {
+        ((seconds / self.tick).round() as usize).max(1)
+    }
+}
+
+/// The whole network at the haptic rate with one contact: what methods are held against.
+#[derive(Debug, Clone)]
+pub struct Reference {
+    /// The contact.
+    pub touching: Touching,
+    /// At the scene's tick.
+    pub coarse: Record,
+    /// At an eighth of it.
+    pub fine: Record,
+    /// Their disagreement, relative to the coarse one: smaller errors mean nothing.
+    pub floor: f64,
+}
+
+impl Reference {
+    /// The scene of a reference at its tick.
+    pub fn scene(scene: &Scene, touching: Touching) -> Scene {
+        whole(scene, touching.surface, touching.scheme)
+    }
+
+    /// Runs both.
+    ///
+    /// # Errors
+    /// If the scene cannot start.
+    pub fn of(scene: &Scene, touching: Touching) -> Result<Self, SceneError> {
+        let coarse = Self::scene(scene, touching);
+        let mut fine = coarse.clone();
+        fine.tick /= f64::from(REFINEMENT);
+        fine.tick_count *= u64::from(REFINEMENT);
+        fine.ticks_per_cycle = fine.ticks_per_cycle.saturating_mul(REFINEMENT);
+        let (coarse, fine) = (Record::of(&coarse)?, Record::every(&fine, REFINEMENT)?);
+        let floor = force_error(&fine, &coarse);
+        Ok(Self { touching, coarse, fine, floor })
+    }
+}
+
+/// Root mean square of the difference of forces over that of the reference.
+pub(super) fn force_error(record: &Record, reference: &Record) -> f64 {
+    let square = record.felt.iter().zip(&reference.felt).map(|(a, b)| (a.force - b.force).norm_squared());
+    ratio(mean(square).sqrt(), reference.force_rms_n())
+}
+
+pub(super) fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0_u64), |(sum, count), value| (sum + value, count + 1));
+    if count > 0 { sum / count as f64 } else { 0.0 }
+}
+
+/// Nothing over nothing is nothing.
+pub(super) fn ratio(part: f64, whole: f64) -> f64 {
+    if part == 0.0 { 0.0 } else { part / whole }
+}

@@ -1,0 +1,6 @@
+//! The statistics of a real-time certificate: what a run's misses and responses say of the ticks that were not
+//! measured, and what each miss was due to. Pure functions of plain numbers.
+
+pub mod bounds;
+pub mod causes;
+pub mod tail;

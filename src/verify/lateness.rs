@@ -1,0 +1,131 @@
+//! What missed deadlines would do to a scene: the same run in virtual time, with more and more ticks late, under every
+//! policy, held against the run in which none is.
+
+use serde::Serialize;
+
+use crate::Vec3;
+use crate::device::failsafe::Fault;
+use crate::pipeline::{RunError, Simulation};
+use crate::scene::Scene;
+use crate::timeline::{Cost, Costs, DrawnTimes, Fate, OverrunPolicy, Timeline};
+
+/// Shares of ticks that are late.
+pub const SHARES: [f64; 3] = [0.001, 0.01, 0.1];
+/// What a late tick takes, in ticks: under [`OverrunPolicy::Skip`], two are left out for each.
+const LATE_TICKS: f64 = 2.5;
+/// Of the draws.
+const SEED: u64 = 0;
+const POLICIES: [OverrunPolicy; 3] = [OverrunPolicy::Hold, OverrunPolicy::Zero, OverrunPolicy::Skip];
+
+/// What lateness of a kind did.
+#[derive(Debug, Clone, Serialize)]
+pub struct Consequence {
+    /// What a missed deadline does.
+    pub overrun: OverrunPolicy,
+    /// Share of ticks that are late.
+    pub share: f64,
+    /// Ticks that were late, and left out.
+    pub missed_ticks: [u64; 2],
+    /// Root mean square of the difference of commanded forces, relative to that of the commanded force without lateness;
+    /// absent if there was a fault, or no force.
+    pub force_error_rms_rel: Option<f64>,
+    /// Largest change of the commanded force between two ticks, N.
+    pub largest_jump_n: f64,
+    /// Times that the contact lost its force.
+    pub contact_losses: u64,
+    /// What the instrument's path took out of the commanded force, J: what a hand would have been given.
+    pub energy_given_j: f64,
+    /// The fault that ended the run, if one did.
+    pub fault: Option<String>,
+}
+
+/// The run without lateness, and what lateness does to it.
+#[derive(Debug, Clone, Serialize)]
+pub struct Consequences {
+    /// What a late tick takes, in ticks.
+    pub late_tick_ticks: f64,
+    /// Without lateness.
+    pub on_time: Consequence,
+    /// By policy and share.
+    pub late: Vec<Consequence>,
+}
+
+/// A run's commanded forces, and what happened.
+#[derive(Default)]
+struct Run {
+    forces: Vec<Vec3>,
+    missed: [u64; 2],
+    losses: u64,
+    jump: f64,
+    energy: f64,
+    fault: Option<Fault>,
+}
+
+fn run(scene: &Scene, timeline: Timeline) -> Result<Run, RunError> {
+    let mut run = Run::default();
+    let mut was_touching = false;
+    let simulation = Simulation::prepare(scene)?.with_timeline(timeline);
+    run.fault = simulation
+        .run(|view| {
+            match view.fate {
+                Fate::OnTime => {}
+                Fate::Late(_) => run.missed[0] += 1,
+                Fate::Skipped => run.missed[1] += 1,
+            }
+            let is_touching = view.report.normal_force > 0.0;
+            run.losses += u64::from(was_touching && !is_touching);
+            was_touching = is_touching;
+            let before = run.forces.last().copied().unwrap_or_default();
+            run.jump = run.jump.max((view.force - before).norm());
+            // What was held over the tick acts on the way that the tip took in it.
+            run.energy += before.dot(&(view.tip - view.tip_before));
+            run.forces.push(view.force);
+        })
+        .err();
+    Ok(run)
+}
+
+impl Run {
+    fn consequence(self, overrun: OverrunPolicy, share: f64, on_time: &[Vec3]) -> Consequence {
+        let square = |forces: &mut dyn Iterator<Item = Vec3>| forces.map(|force| force.norm_squared()).sum::<f64>();
+        let all = square(&mut on_time.iter().copied());
+        let off = square(&mut on_time.iter().zip(&self.forces).map(|(a, b)| a - b));
+        let is_whole = self.fault.is_none() && all > 0.0;
+        Consequence {
+            overrun,
+            share,
+            missed_ticks: self.missed,
+            force_error_rms_rel: is_whole.then(|| (off / all).sqrt()),
+            largest_jump_n: self.jump,
+            contact_losses: self.losses,
+            energy_given_j: self.energy,
+            fault: self.fault.map(|fault| fault.to_string()),
+        }
+    }
+}
+
+/// What lateness does to a scene; its own costs are left out.
+///
+/// # Errors
+/// If it cannot start.
+pub fn consequences(scene: &Scene) -> Result<Consequences, RunError> {
+    let latency = u64::from(scene.global.latency_ticks);
+    let mut on_time = run(scene, Timeline::Ideal { latency })?;
+    let forces = std::mem::take(&mut on_time.forces);
+    let mut late = Vec::new();
+    for overrun in POLICIES {
+        for share in SHARES {
+            let tick = Cost::Rare { usual: 0.0, rare: LATE_TICKS * scene.tick, share };
+            let costs = Costs { tick, model: Cost::Constant(0.0), seed: SEED };
+            let mut deadline = scene.deadline;
+            deadline.overrun = overrun;
+            let cycle_ticks = u64::from(scene.ticks_per_cycle);
+            let drawn = DrawnTimes::new(costs, deadline, scene.tick, cycle_ticks, latency);
+            let run = run(scene, Timeline::Drawn(Box::new(drawn)))?;
+            late.push(run.consequence(overrun, share, &forces));
+        }
+    }
+    on_time.forces = forces.clone();
+    let on_time = on_time.consequence(scene.deadline.overrun, 0.0, &forces);
+    Ok(Consequences { late_tick_ticks: LATE_TICKS, on_time, late })
+}

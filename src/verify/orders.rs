@@ -1,0 +1,275 @@
+//! Observed orders of convergence, and what becomes of momentum: every integrator with every scheme that it takes, on
+//! smooth motions of a small block in which nothing but the step varies.
+
+use std::path::Path;
+
+use serde::Serialize;
+use thiserror::Error;
+
+use super::surfaces::SCHEMES;
+use crate::Vec3;
+use crate::contact::law::Law;
+use crate::contact::tick::Scheme;
+use crate::device::instrument::{PathError, TipPath, Waypoint};
+use crate::dynamics::integrators::{GlobalIntegrator, Stepper, Unconstrained};
+use crate::model::network::Network;
+use crate::model::step::LocalIntegrator;
+use crate::pipeline::{self, RunError, TickView};
+use crate::scene::{Scene, SceneError};
+
+/// One linear local model of the whole block, which lasts for the whole motion.
+const SCENE: &str = r#"
+name = "orders"
+duration = 0.09
+[mesh]
+nodes = [5, 5, 3]
+spacing = 0.0125
+[material]
+node_mass = 0.01
+stiffness = 100.0
+damping = 0.5
+[local]
+rings = "all"
+[contact]
+law = "sliding"
+surface = "subdivision"
+[instrument]
+waypoints = [[0.0, -0.01, 0.0013, 1.0], [1.0, -0.01, 0.0013, 1.0]]
+"#;
+/// Divisors of the 1 ms tick that a line is laid through, and that of the reference. The reference's own error
+/// makes a first-order line steeper by 0.03.
+const DIVISORS: [u32; 4] = [1, 2, 4, 8];
+const REFERENCE: u32 = 128;
+/// Free motions are those of a block that begins to sag, m/s².
+const GRAVITY: f64 = 9.81;
+/// Relative errors below are rounding.
+const EXACT_BELOW: f64 = 1e-10;
+
+/// What the block does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Motion {
+    /// It sags.
+    Free,
+    /// A tip presses it and slides.
+    Sliding,
+    /// A tip presses it and drags it along.
+    Sticking,
+    /// The same without dampers.
+    StickingUndamped,
+}
+
+impl Motion {
+    /// All.
+    pub const ALL: [Self; 4] = [Self::Free, Self::Sliding, Self::Sticking, Self::StickingUndamped];
+
+    /// For people.
+    pub fn name(self) -> &'static str {
+        match self {
+            Motion::Free => "none",
+            Motion::Sliding => "sliding",
+            Motion::Sticking => "sticking",
+            Motion::StickingUndamped => "sticking, undamped",
+        }
+    }
+}
+
+/// What is observed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Case {
+    /// The local model.
+    Local(LocalIntegrator, Scheme, Motion),
+    /// The whole network, which sags.
+    Global(GlobalIntegrator),
+}
+
+impl Case {
+    /// Every integrator with every scheme it takes, in every motion. Without a contact there is no scheme to vary.
+    pub fn all() -> Vec<Self> {
+        let mut cases = Vec::new();
+        for integrator in LocalIntegrator::ALL {
+            let takes =
+                |scheme: &Scheme| integrator == LocalIntegrator::SemiImplicitEuler || *scheme == Scheme::Velocity;
+            for (_, scheme) in SCHEMES.into_iter().filter(|(_, scheme)| takes(scheme)) {
+                let motions =
+                    Motion::ALL.into_iter().filter(|&each| each != Motion::Free || scheme == Scheme::Velocity);
+                cases.extend(motions.map(|motion| Case::Local(integrator, scheme, motion)));
+            }
+        }
+        let global = [GlobalIntegrator::SemiImplicitEuler, GlobalIntegrator::ImplicitEuler, GlobalIntegrator::Rk4];
+        cases.extend(global.map(Case::Global));
+        cases
+    }
+}
+
+/// Why an order was not observed.
+#[derive(Debug, Error)]
+pub enum OrderError {
+    /// The block.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The tip's way.
+    #[error(transparent)]
+    Path(#[from] PathError),
+    /// A run ended early.
+    #[error(transparent)]
+    Run(#[from] RunError),
+}
+
+/// A row of the table.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ObservedOrder {
+    /// Its name in scenes; of the local model, or with "global" before it.
+    pub integrator: String,
+    /// "geometric" or "velocity"; none without a contact.
+    pub scheme: Option<&'static str>,
+    /// "sliding", "sticking", "sticking, undamped" or "none".
+    pub law: &'static str,
+    /// Of the positions at the end in the step, by a least-squares line through the logarithms of four errors; none where
+    /// they are rounding alone.
+    pub order: Option<f64>,
+    /// The largest distance of the logarithm of an error from that line.
+    pub residual: Option<f64>,
+    /// Of a loose block in the same contact: see [`momentum_defect`]. None without a contact.
+    pub momentum_defect: Option<f64>,
+}
+
+/// The observed order of a case, and its momentum defect.
+///
+/// # Errors
+/// If a run ends early.
+pub fn observe(case: Case) -> Result<ObservedOrder, OrderError> {
+    let at = |divisor| match case {
+        Case::Local(integrator, scheme, motion) => local_positions(integrator, scheme, motion, divisor),
+        Case::Global(integrator) => global_positions(integrator, divisor),
+    };
+    let (start, reference) = at(REFERENCE)?;
+    let moved = distance(&reference, &start);
+    let mut errors = [0.0; DIVISORS.len()];
+    for (error, divisor) in errors.iter_mut().zip(DIVISORS) {
+        *error = distance(&at(divisor)?.1, &reference) / moved;
+    }
+    let line = (errors[0] > EXACT_BELOW).then(|| line(errors));
+    let (order, residual) = line.unzip();
+    let (integrator, scheme, law) = match case {
+        Case::Local(integrator, scheme, motion) => {
+            (integrator.name().to_owned(), (motion != Motion::Free).then(|| scheme.name()), motion.name())
+        }
+        Case::Global(integrator) => (format!("global {}", integrator.name()), None, Motion::Free.name()),
+    };
+    let momentum_defect = match case {
+        Case::Local(_, _, Motion::Free) | Case::Global(_) => None,
+        Case::Local(integrator, scheme, motion) => Some(momentum_defect(&loose(integrator, scheme, motion)?)?),
+    };
+    Ok(ObservedOrder { integrator, scheme, law, order, residual, momentum_defect })
+}
+
+/// Largest |Σ m v − impulse of the tip| over the largest |Σ m v|, at the ends of ticks, of a scene in which nothing else
+/// exerts a force from outside. Not a number if nothing moves.
+///
+/// # Errors
+/// If the run ends early.
+pub fn momentum_defect(scene: &Scene) -> Result<f64, RunError> {
+    let mut impulse = Vec3::zeros();
+    let (mut largest, mut defect) = (0.0_f64, 0.0_f64);
+    pipeline::run(scene, |view| {
+        impulse -= view.force * scene.tick;
+        let nodes = view.local.model().patch.mass.iter().zip(&view.local.state().v);
+        let momentum: Vec3 = nodes.map(|(mass, v)| v * *mass).sum();
+        largest = largest.max(momentum.norm());
+        defect = defect.max((momentum - impulse).norm());
+    })?;
+    Ok(defect / largest)
+}
+
+/// Slope of the least-squares line through the logarithms of errors at [`DIVISORS`], and the largest distance from it.
+fn line(errors: [f64; DIVISORS.len()]) -> (f64, f64) {
+    let points = DIVISORS.iter().zip(errors).map(|(divisor, error)| (-f64::from(*divisor).ln(), error.ln()));
+    let points: Vec<(f64, f64)> = points.collect();
+    let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / points.len() as f64;
+    let (x, y) = (mean(|point| point.0), mean(|point| point.1));
+    let products = |of: &dyn Fn(f64, f64) -> f64| points.iter().map(|point| of(point.0 - x, point.1 - y)).sum::<f64>();
+    let slope = products(&|x, y| x * y) / products(&|x, _| x * x);
+    let off = points.iter().map(|point| (point.1 - y - slope * (point.0 - x)).abs());
+    (slope, off.fold(0.0, f64::max))
+}
+
+fn distance(a: &[Vec3], b: &[Vec3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).norm_squared()).sum::<f64>().sqrt()
+}
+
+/// The block in a motion, at the tick over `divisor`.
+fn scene(integrator: LocalIntegrator, scheme: Scheme, motion: Motion, divisor: u32) -> Result<Scene, OrderError> {
+    let mut scene = Scene::parse(SCENE, Path::new("orders"))?;
+    (scene.integrator, scene.contact.scheme) = (integrator, scheme);
+    scene.tick /= f64::from(divisor);
+    scene.tick_count *= u64::from(divisor);
+    // One cycle is longer than the motion.
+    scene.ticks_per_cycle *= divisor;
+    match motion {
+        Motion::Free => scene.material.gravity = Vec3::z() * -GRAVITY,
+        Motion::Sliding => scene.contact.law = Law::Sliding,
+        Motion::Sticking => scene.contact.law = Law::Sticking,
+        Motion::StickingUndamped => {
+            scene.contact.law = Law::Sticking;
+            scene.material.damping = 0.0;
+        }
+    }
+    if motion != Motion::Free {
+        scene.path = smooth_path()?;
+    }
+    Ok(scene)
+}
+
+/// The same block without anything that holds it, of unequal masses.
+fn loose(integrator: LocalIntegrator, scheme: Scheme, motion: Motion) -> Result<Scene, OrderError> {
+    let mut scene = scene(integrator, scheme, motion, 1)?;
+    scene.fixed.fill(false);
+    scene.material.node_mass.iter_mut().enumerate().for_each(|(i, mass)| *mass *= 1.0 + (i % 3) as f64);
+    Ok(scene)
+}
+
+/// 3 mm down and 4 mm along x from a tip at rest on the surface, with two continuous derivatives: a waypoint at
+/// every end of the shortest tick.
+fn smooth_path() -> Result<TipPath, PathError> {
+    let blend = |t: f64| {
+        let t = t.clamp(0.0, 1.0);
+        t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
+    };
+    let at = |i: u32| {
+        let time = f64::from(i) * 1e-3 / f64::from(REFERENCE);
+        let along = -0.01 + 0.004 * blend((time - 0.04) / 0.05);
+        Waypoint { time, position: Vec3::new(along, 0.0013, -0.003 * blend(time / 0.08)) }
+    };
+    TipPath::new((0..=100 * REFERENCE).map(at).collect())
+}
+
+/// Positions at the start and at the end.
+fn local_positions(
+    integrator: LocalIntegrator,
+    scheme: Scheme,
+    motion: Motion,
+    divisor: u32,
+) -> Result<(Vec<Vec3>, Vec<Vec3>), OrderError> {
+    let scene = scene(integrator, scheme, motion, divisor)?;
+    let mut end = Vec::new();
+    pipeline::run(&scene, |view: &TickView| {
+        if view.tick + 1 == scene.tick_count {
+            end.clone_from(&view.local.state().x);
+        }
+    })?;
+    // All nodes that are not fixed, in ascending order, and then the fixed ones.
+    let mesh = scene.block.mesh().nodes;
+    let nodes = |fixed: bool| mesh.iter().zip(&scene.fixed).filter(move |(_, is)| **is == fixed).map(|(x, _)| *x);
+    Ok((nodes(false).chain(nodes(true)).collect(), end))
+}
+
+fn global_positions(integrator: GlobalIntegrator, divisor: u32) -> Result<(Vec<Vec3>, Vec<Vec3>), OrderError> {
+    let scene = scene(LocalIntegrator::SemiImplicitEuler, Scheme::Velocity, Motion::Free, divisor)?;
+    let network = Network::new(&scene.block.mesh(), &scene.material, scene.fixed.clone());
+    let mut state = network.rest_state();
+    let mut stepper = Stepper::new(&network);
+    for _ in 0..scene.tick_count {
+        stepper.step(integrator, &network, &mut state, scene.tick, &Unconstrained);
+    }
+    Ok((network.rest, state.x))
+}
