@@ -192,6 +192,12 @@ fn smoothing_divides_the_jump_at_a_hand_over() {
         let jump = (smoothed[tick].force - before).norm();
         worst.check((jump - (smoothed[tick].contact_force - before).norm() / (n + 1.0)).abs());
     }
+    // A fade is over after n ticks.
+    let since = |tick: usize| tick - ticks.iter().copied().rfind(|&first| first <= tick).unwrap_or(0);
+    for (tick, done) in smoothed.iter().enumerate().filter(|&(tick, _)| since(tick) >= smooth.smoothing_ticks as usize)
+    {
+        assert_eq!(done.force, done.contact_force, "tick {tick}");
+    }
     let largest = |run: &[Tick]| {
         let jumps = hand_overs(run).into_iter().map(|tick| (run[tick].force - run[tick - 1].force).norm());
         jumps.fold(0.0, f64::max)
