@@ -159,15 +159,19 @@ fn passivity_control_takes_what_it_counts() {
     let [without, with] = [false, true].map(|is_controlled| run(&late_wall(is_controlled)));
     let [uncontrolled, left] = [&without, &with].map(|ticks| last_energy(ticks));
     println!(
-        "RESIDUAL | energy | late wall, passivity control over none: energy given | < 0.9 | {:.2}",
+        "RESIDUAL | energy | late wall, passivity control over none: energy given | < 0.6 | {:.2}",
         left / uncontrolled
     );
-    assert!(uncontrolled > 0.1 && left < 0.9 * uncontrolled, "{left} J of {uncontrolled} J");
+    assert!(uncontrolled > 0.1 && left < 0.6 * uncontrolled, "{left} J of {uncontrolled} J");
     assert!(with.iter().any(|tick| tick.device().is_damped));
-    // A force counts with the motion that it answers: a wall that answers at once never gives anything by that count,
-    // and what motors hold over the next tick is not in it.
+    // A wall that answers at once gives energy by what motors hold over the next tick.
     let [without, with] = [false, true].map(|is_controlled| run(&controlled(scene("hard-wall"), is_controlled)));
-    assert_eq!(without, with);
+    let [uncontrolled, left] = [&without, &with].map(|ticks| last_energy(ticks));
+    println!(
+        "RESIDUAL | energy | hard wall, passivity control over none: energy given | < 0.2 | {:.3}",
+        left / uncontrolled
+    );
+    assert!(uncontrolled > 1e-2 && left < 0.2 * uncontrolled, "{left} J of {uncontrolled} J");
     // A coupling that runs in ticks does.
     let [without, with] =
         [false, true].map(|is_controlled| run(&controlled(scene("passivity-control"), is_controlled)));

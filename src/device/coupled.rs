@@ -85,15 +85,26 @@ impl CoupledPhantom {
         let damped = self.passivity.as_mut().map_or(wanted, |passivity| passivity.command(&wanted, &way));
         self.is_damped = damped != wanted;
         let force = if damped.norm().is_finite() { damped } else { Vec3::zeros() };
-        self.phantom.command(&force);
+        self.apply(&force);
         force
     }
 
     /// Commands no force, past whatever lies between.
     pub fn release(&mut self) {
-        self.answered = self.phantom.measured_tip();
+        let measured = self.phantom.measured_tip();
+        let way = measured - std::mem::replace(&mut self.answered, measured);
+        if let Some(passivity) = &mut self.passivity {
+            passivity.command(&Vec3::zeros(), &way);
+        }
         self.is_damped = false;
-        self.phantom.command(&Vec3::zeros());
+        self.apply(&Vec3::zeros());
+    }
+
+    fn apply(&mut self, force: &Vec3) {
+        let applied = self.phantom.command(force);
+        if let Some(passivity) = &mut self.passivity {
+            passivity.hold(applied);
+        }
     }
 
     /// What there is to see.

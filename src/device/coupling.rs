@@ -114,31 +114,31 @@ impl VirtualCoupling {
 
 /// Time-domain passivity control in impedance causality: B. Hannaford, J.-H. Ryu, *Time-domain passivity control of
 /// haptic interfaces*, IEEE Transactions on Robotics and Automation 18(1), 2002. A damper takes up what the simulation
-/// would give out beyond what it took in. A force is counted with the motion it answers, while motors hold it over the
-/// next: what they do in between is not in the account.
+/// has given out beyond what it took in. A force is counted with the way over which the motors held it, not with the one
+/// that it answers: by that count a spring that answers at once never gives anything, and the energy that a stiff wall
+/// gives out between two ticks would not be seen.
 #[derive(Debug, Clone, Default)]
 pub struct PassivityController {
     energy: f64,
+    held: Vec3,
 }
 
 impl PassivityController {
-    /// The force to command, N, where the measured tip has moved by Δq in the tick, m. The energy goes up by −f·Δq;
-    /// what is then missing is taken out by f − αv, α = −E/(h|v|²), v = Δq/h, which is f + EΔq/|Δq|² whatever h. It is
-    /// a part of f along Δq, if E was not negative before. A force that is not finite is left to what limits the
-    /// device.
+    /// The force to command, N, where the measured tip has moved by Δq since the command before, m. The energy goes
+    /// up by −f·Δq with the force that was held meanwhile; while it is negative, f − αv is commanded, α = −E/(h|v|²),
+    /// v = Δq/h, which is f + EΔq/|Δq|² whatever h. A force that is not finite is left to what limits the device.
     pub fn command(&mut self, force: &Vec3, displacement: &Vec3) -> Vec3 {
-        let work = force.dot(displacement);
-        if !work.is_finite() {
-            return *force;
-        }
-        self.energy -= work;
+        self.energy -= self.held.dot(displacement);
         let square = displacement.norm_squared();
         if !(self.energy < 0.0 && square > 0.0) {
             return *force;
         }
-        let correction = displacement * (self.energy / square);
-        self.energy = 0.0;
-        force + correction
+        force + displacement * (self.energy / square)
+    }
+
+    /// What the motors hold from here on, N: the command as the device's limits let it through.
+    pub fn hold(&mut self, applied: Vec3) {
+        self.held = applied;
     }
 
     /// E_o: energy that the simulation has taken in and not given back, J.

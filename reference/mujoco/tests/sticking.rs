@@ -140,7 +140,7 @@ fn the_velocity_scheme_commands_the_multiplier() {
         differences.push((report.force - follow - multiplier).norm() / multiplier.norm());
     }
     assert!(pushed > 10, "{pushed} points are pushed on");
-    check("sticking: force of the velocity scheme", REACTION, largest(differences.into_iter()));
+    check("sticking: force of the velocity scheme", REACTION, largest(differences));
 }
 
 #[test]

@@ -46,7 +46,7 @@ class Phantom:
         self.currents = np.zeros(3)
         self.sense()
         self.coupling = Coupling(options.coupling, self.measured, self.h) if options.coupling else None
-        self.passivity = PassivityControl(self.h) if options.passivity_control else None
+        self.passivity = PassivityControl() if options.passivity_control else None
 
     @property
     def tip(self):
@@ -73,6 +73,8 @@ class Phantom:
         if self.passivity:
             force = self.passivity.damped(force, self.moved)
         self.currents = phantom.currents(self.device, self.posture, force)
+        if self.passivity:
+            self.passivity.held = phantom.applied(self.device, self.posture, self.currents)
         return force
 
     def state(self):
@@ -111,19 +113,18 @@ class PassivityControl:
     """Takes by a damper what the simulation would give out beyond what it has taken in.
 
     B. Hannaford, J.-H. Ryu, Time-domain passivity control of haptic interfaces, IEEE Trans. Robot. Autom. 18 (2002).
+
+    A force counts with the way over which the motors held it.
     """
 
-    def __init__(self, h):
-        self.h, self.energy = h, 0.0
+    def __init__(self):
+        self.energy, self.held = 0.0, np.zeros(3)
 
     def damped(self, force, moved):
-        """The force to command where the measured tip has `moved` in the tick, m."""
-        self.energy -= force @ moved
-        v = moved / self.h
-        if self.energy < 0.0 and v.any():
-            damper = -self.energy / (self.h * (v @ v))
-            force = force - damper * v
-            self.energy += damper * (v @ moved)
+        """The force to command where the measured tip has `moved` since the command before, m."""
+        self.energy -= self.held @ moved
+        if self.energy < 0.0 and moved.any():
+            return force + (self.energy / (moved @ moved)) * moved
         return force
 
 

@@ -138,6 +138,12 @@ def measured(device, theta):
     return nearest_whole(theta * per_radian) / per_radian
 
 
+def applied(device, theta, currents):
+    """Force at the tip, scene axes, N, of motor currents in a posture."""
+    torque = device.capstan_ratio * device.torque_constant * currents
+    return device.rotation.T @ np.linalg.solve(jacobian(theta).T, torque)
+
+
 def currents(device, theta, force):
     """Motor currents (3,), A, commanded for a force at the tip in scene axes, N; `theta` is the measured posture."""
     force = device.rotation @ force

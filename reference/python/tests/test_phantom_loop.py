@@ -17,7 +17,7 @@ from stickslip_reference.scene import SceneError
 
 HERE = Path(__file__).parents[1]
 ROUNDING_TOLERANCE = 1e-13  # N, m or J, of sizes of 1 at most. Measured: 8.9e-16.
-ENERGY_BOOK_TOLERANCE = 1e-15  # J: what a controlled force has given out at most, of millijoules. Measured: 2.4e-18.
+ENERGY_BOOK_TOLERANCE = 1e-15  # J: a damper's work against what was missing, of millijoules. Measured: 2e-18.
 # Fixed point of the coupling, m, after a second. Measured: 8.0e-15.
 REST_TOLERANCE = 1e-12
 
@@ -83,31 +83,33 @@ def test_a_coupling_at_rest_passes_the_force_on(within):
     within("force on the device, N", np.abs(felt - force).max(), 500.0 * REST_TOLERANCE)
 
 
-def test_passivity_control_gives_out_no_energy(within):
-    """A force along the motion makes energy; controlled, its book stays above zero; one that takes is left alone."""
-    rng, h = np.random.default_rng(3), 1e-3
-    control, book, changed = PassivityControl(h), 0.0, 0
-    for tick in range(2000):
-        moved = np.zeros(3) if tick % 7 == 0 else 1e-3 * rng.normal(size=3)
-        force = rng.normal(size=3) + 100.0 * moved
+def test_passivity_control_damps_what_is_missing(within):
+    """The book counts what was held; while it is below zero, the damper's work along the motion is what is missing."""
+    rng = np.random.default_rng(3)
+    control, book, held, changed = PassivityControl(), 0.0, np.zeros(3), 0
+    # A tip that wanders, so that a damper meets the motion it was made for; at rest every seventh tick.
+    angle = np.cumsum(0.02 * rng.normal(size=2001))
+    ways = 1e-3 * np.stack([np.cos(angle), np.sin(angle), 0.1 * rng.normal(size=2001)], axis=1)
+    ways[::7] = 0.0
+    for moved, ahead in zip(ways, ways[1:]):
+        # Forces that push the tip on where it goes next give energy out.
+        force = rng.normal(size=3) + 300.0 * ahead
+        book -= held @ moved
         damped = control.damped(force, moved)
-        changed += not np.array_equal(force, damped)
-        if not moved.any():
+        if book < 0.0 and moved.any():
+            changed += 1
+            within("work of the damper, J", abs((damped - force) @ moved - book), ENERGY_BOOK_TOLERANCE)
+        else:
             assert damped is force
-        before, book = book, book - damped @ moved
-        if before - force @ moved >= 1e-12:
-            assert damped is force
-        within("energy given out, J", -book, ENERGY_BOOK_TOLERANCE)
+        held = control.held = damped
     assert changed > 100
-    control = PassivityControl(h)
-    assert all(control.damped(force, moved) is force for force, moved in
-               ((-50.0 * moved, moved) for moved in 1e-3 * rng.normal(size=(50, 3))))
 
 
 def test_the_damper_acts_along_the_motion_only():
-    control = PassivityControl(1e-3)
-    force = control.damped(np.array([2.0, 1.0, -1.0]), np.array([1e-4, 0.0, 0.0]))
-    assert np.allclose(force, [0.0, 1.0, -1.0], rtol=0.0, atol=ROUNDING_TOLERANCE)
+    control = PassivityControl()
+    force = control.held = np.array([2.0, 1.0, -1.0])
+    damped = control.damped(force, np.array([1e-4, 0.0, 0.0]))
+    assert np.allclose(damped, [0.0, 1.0, -1.0], rtol=0.0, atol=ROUNDING_TOLERANCE)
 
 
 @pytest.fixture(scope="module")
@@ -163,15 +165,13 @@ def test_a_coupled_passive_smoothed_run(within):
     commanded, contact = stack(columns, "fx fy fz"), stack(columns, "contact_fx contact_fy contact_fz")
     assert {"stick", "slip"} <= set(columns["mode"]) and np.abs(commanded - contact).max() > 0.01
     # Once more, from the contact's forces alone.
-    device, smoothing, book = Phantom(read), Smoothing(5), 0.0
+    device, smoothing = Phantom(read), Smoothing(5)
     assert device.coupling.options.stiffness == 400.0 and device.coupling.options.damping == 2.0
     for tick, force in enumerate(contact):
         device.move(tick)
         within("simulated tip, m", np.abs(device.tip - stack(columns, "qx qy qz")[tick]).max(), 0.0)
         felt = device.command(smoothing.smoothed(force, tick in (100, 200)))
         within("force commanded, N", np.abs(felt - commanded[tick]).max(), 0.0)
-        book -= felt @ device.moved
-        within("energy given out, J", -book, ENERGY_BOOK_TOLERANCE)
     free = columns["mode"] == "free"
     assert np.abs(commanded[free]).max() > 0.0 and not columns["fn"][free].any() and not columns["ft"][free].any()
 
