@@ -647,13 +647,15 @@ fn stability_writes_a_page_that_stands_alone_and_its_numbers() {
     assert_eq!(output.status.code(), Some(0), "{}{table}", stderr(&output));
     assert!(table.contains("one-free-node") && table.contains("fault at tick"), "{table}");
     let page = fs::read_to_string(out.join("index.html")).expect("a page");
-    assert_eq!(page.matches("<svg").count(), 3);
+    assert_eq!(page.matches("<svg").count(), 4);
     assert!(!page.contains("href=") && !page.contains("src="), "a link out of the page");
     let json = fs::read_to_string(out.join("stability.json")).expect("numbers");
     let json: serde_json::Value = serde_json::from_str(&json).expect("JSON");
     assert_eq!(json["passes"], true);
     let maps = json["maps"].as_array().expect("maps");
     assert!(maps.len() >= 84 && maps.iter().all(|boundary| boundary["ratio"].is_number()));
+    let walls = json["z_width"].as_array().expect("virtual walls");
+    assert!(walls.len() == 12 && walls.iter().all(|wall| wall["agrees"] == true), "{walls:?}");
     let extremes = json["extremes"].as_array().expect("extremes");
     assert_eq!(extremes.len(), 2 * fs::read_dir("fixtures/extremes").expect("scenes").count());
     assert!(extremes.iter().all(|extreme| extreme["as_expected"] == true));

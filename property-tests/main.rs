@@ -23,3 +23,4 @@ mod stability;
 mod subdivision;
 mod timeline;
 mod velocity;
+mod z_width;

@@ -84,11 +84,13 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// How long steps may be, measured against predicted limits, and scenes that go to extremes
+    /// How long steps may be, measured against predicted limits, virtual walls, and scenes that go to extremes
     #[command(
         after_help = "Writes DIR/index.html with its figures inside and DIR/stability.json. The limits are those of \
-        the scene's local model, with stiffness, mass ratio and damping varied; the extremes are always the same.\n\n\
-        Exit code 1: an extreme did not end as expected, or a limit is more than 2 % off for no known reason.\n\n\
+        the scene's local model, with stiffness, mass ratio and damping varied; virtual walls and extremes are always \
+        the same.\n\n\
+        Exit code 1: an extreme did not end as expected, a limit is more than 2 % off for no known reason, or a \
+        virtual wall that has to be passive shakes.\n\n\
         Example: stickslip stability fig5-stick-slip --out /tmp/stability"
     )]
     Stability {

@@ -1,4 +1,6 @@
-//! `stickslip stability`: limits of steps, measured and predicted, and extremes.
+//! `stickslip stability`: limits of steps and of virtual walls, measured and predicted, and extremes.
+
+mod z_width;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -19,6 +21,7 @@ use crate::pipeline::Simulation;
 use crate::scene::Scene;
 use crate::verify::extremes::{EXTREMES, Extreme, Got, Measured, Variant};
 use crate::verify::stability_map::{Axis, Boundary, MapError, TOLERANCE, Touching, boundaries, points};
+use crate::verify::z_width::{WallLimit, ZWidthError};
 
 /// An extreme that takes longer hangs.
 const PATIENCE: Duration = Duration::from_secs(300);
@@ -32,6 +35,7 @@ struct StabilityFile<'a> {
     maps: &'a [Boundary],
     /// Why there are no maps.
     no_maps: Option<String>,
+    z_width: &'a [WallLimit],
     extremes: &'a [ExtremeEntry],
 }
 
@@ -53,16 +57,21 @@ pub fn stability(scene: &Path, out: Option<PathBuf>) -> miette::Result<u8> {
     let out = out.unwrap_or_else(|| Path::new("reports").join(&scene.name));
     std::fs::create_dir_all(&out).map_err(|source| WriteError { path: out.clone(), source })?;
 
-    let points = points();
+    let (points, walls) = (points(), z_width::points());
     let extremes: Vec<(&Extreme, Variant)> =
         EXTREMES.iter().flat_map(|extreme| Variant::ALL.map(|variant| (extreme, variant))).collect();
-    let mut progress = Progress::new((points.len() + extremes.len()) as u64, "cases");
+    let mut progress = Progress::new((points.len() + extremes.len() + walls.len()) as u64, "cases");
     progress.begin("extremes");
     let extremes = in_parallel(&extremes, &mut progress, |&(extreme, variant)| entry(extreme, variant));
     progress.end(extremes.len() as u64);
     progress.begin("limits of steps");
     let maps = in_parallel(&points, &mut progress, |point| boundaries(&scene, point));
+    progress.end(points.len() as u64);
+    progress.begin("virtual walls");
+    let walls = in_parallel(&walls, &mut progress, z_width::limit);
     drop(progress);
+    let walls: Result<Vec<WallLimit>, ZWidthError> = walls.into_iter().collect();
+    let walls = walls.map_err(|error| miette::miette!("cannot measure virtual walls: {error}"))?;
     let maps: Result<Vec<[Boundary; 2]>, MapError> = maps.into_iter().collect();
     let (maps, no_maps) = match maps {
         Ok(maps) => (maps.into_iter().flatten().collect(), None),
@@ -70,17 +79,18 @@ pub fn stability(scene: &Path, out: Option<PathBuf>) -> miette::Result<u8> {
     };
 
     let explained = maps.iter().all(|boundary| boundary.agrees || boundary.reason.is_some());
-    let passes = explained && extremes.iter().all(|entry| entry.as_expected);
+    let passes = explained && walls.iter().all(|limit| limit.agrees) && extremes.iter().all(|entry| entry.as_expected);
     let file = StabilityFile {
         version: env!("CARGO_PKG_VERSION"),
         scene: &scene.name,
         passes,
         maps: &maps,
         no_maps: no_maps.clone(),
+        z_width: &walls,
         extremes: &extremes,
     };
     write_json(&out.join("stability.json"), &file)?;
-    let page = whole_page(&scene, &maps, no_maps.as_deref(), &extremes)?;
+    let page = whole_page(&scene, &maps, no_maps.as_deref(), &walls, &extremes)?;
     write_file(&out.join("index.html"), page.into_string().as_bytes())?;
 
     say(extremes_table(&extremes))?;
@@ -91,6 +101,7 @@ pub fn stability(scene: &Path, out: Option<PathBuf>) -> miette::Result<u8> {
     for boundary in maps.iter().filter(|boundary| !boundary.agrees) {
         say(disagreement(boundary))?;
     }
+    say(z_width::table(&walls))?;
     say(format_args!("report: {}", out.join("index.html").display()))?;
     Ok(if passes { PASS } else { FAIL })
 }
@@ -248,6 +259,7 @@ fn whole_page(
     scene: &Scene,
     maps: &[Boundary],
     no_maps: Option<&str>,
+    walls: &[WallLimit],
     extremes: &[ExtremeEntry],
 ) -> miette::Result<Markup> {
     let figures = Axis::ALL.map(|axis| figure(axis, maps)).into_iter().collect::<miette::Result<Vec<_>>>()?;
@@ -278,6 +290,7 @@ fn whole_page(
                 (page::table("", MAP_HEAD, maps.iter().map(map_row)))
             }
         }
+        (z_width::section(walls)?)
         h2 { "Extremes" }
         p {
             "Scenes that ask for more than is good for them. Each ends with the right answer, by a quantity that is \

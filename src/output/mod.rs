@@ -14,3 +14,5 @@ pub mod precision;
 pub mod spectrum;
 pub mod summary;
 pub mod trace;
+#[cfg(feature = "plots")]
+pub mod z_width;

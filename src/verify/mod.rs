@@ -1,6 +1,7 @@
 //! Held against what was accepted before: results of a run, the baselines they are compared with,
 //! and times of two programs. And held against each other: contact surfaces and schemes, local models;
-//! extreme scenes and the outcomes expected of them; limits of steps, measured and predicted; observed orders.
+//! extreme scenes and the outcomes expected of them; limits of steps and of virtual walls, measured and predicted;
+//! observed orders.
 
 pub mod accept;
 pub mod accuracy;
@@ -14,3 +15,4 @@ pub mod paired;
 pub mod results;
 pub mod stability_map;
 pub mod surfaces;
+pub mod z_width;

@@ -1,0 +1,179 @@
+//! Which virtual walls the modelled device renders without shaking in the user's hand: measured on the sampled
+//! loop, and the bounds below which a wall is passive. (Z-width: J. E. Colgate, J. M. Brown, *Factors affecting the
+//! Z-width of a haptic display*, IEEE International Conference on Robotics and Automation 1994.)
+//!
+//! Passivity bounds are sufficient for any hand. This hand is one of them and adds damping, and a wall that gives out a
+//! little energy need not shake: the measured limit has to lie at or above them, and how far says what they leave out.
+
+use serde::Serialize;
+use thiserror::Error;
+
+use crate::Vec3;
+use crate::device::instrument::{PathError, TipPath, Waypoint};
+use crate::device::phantom::{DeviceError, Needs, Phantom, PhantomSettings};
+
+/// Rates of the servo loop, Hz.
+pub const RATES_HZ: [f64; 2] = [1e3, 1e4];
+/// Dampings of the wall, N·s/m. The device's own at the tip is 0.011: only the first two are less.
+pub const DAMPINGS_N_S_PER_M: [f64; 6] = [0.0, 0.005, 0.1, 1.0, 3.0, 10.0];
+/// Stiffnesses between which the limit is looked for, N/m.
+pub const STIFFNESSES_N_PER_M: [f64; 2] = [1e1, 1e5];
+/// A tip that moves over more than this once it has settled shakes, m: some three counts of an encoder at the tip.
+pub const QUIET_M: f64 = 1e-4;
+
+/// Looks up to the first wall that shakes, as a quiet one may be stiffer than one that shakes: four to a decade.
+const LOOKS: i32 = 16;
+/// Halvings between the last two looks: the limit is known to 1 %.
+const HALVINGS: u32 = 6;
+/// The hand aims from this far before the wall at this depth in it, m, …
+const AIM: f64 = 5e-3;
+/// … over this time, and rests, s; …
+const APPROACH: f64 = 0.1;
+/// … the loop has this long to settle, s, as hand and arm take 0.08 s to come to rest by a factor e.
+/// Softer walls still let the tip creep by up to 60 µm then; …
+const SETTLED: f64 = 0.6;
+/// … and is watched up to here, s.
+const END: f64 = 0.8;
+
+/// Rigid ground, z ≤ 0 in the scene: f = max(0, K·depth − B·ż) inside, ż the last two measured positions' difference
+/// over the tick.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VirtualWall {
+    /// K, N/m.
+    pub stiffness_n_per_m: f64,
+    /// B, N·s/m.
+    pub damping_n_s_per_m: f64,
+}
+
+/// How a wall is felt once the loop has had time to settle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WallTouch {
+    /// Largest range of the true tip along an axis, m; infinite if the device left its workspace.
+    pub range_m: f64,
+    /// Mean depth of the true tip in the wall, m; not a number if the device left its workspace.
+    pub depth_m: f64,
+}
+
+/// The stiffest wall at a damping and a rate, and what is published of it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct WallLimit {
+    /// 1/h, Hz.
+    pub rate_hz: f64,
+    /// B, N·s/m.
+    pub damping_n_s_per_m: f64,
+    /// All walls looked at up to this are quiet, N/m; 0: not even the softest; none: all are.
+    pub quiet_n_per_m: Option<f64>,
+    /// 2(b − |B|)/h of Colgate and Schenkel, N/m, at the wall.
+    pub by_damping_n_per_m: f64,
+    /// 2f_c/Δ of Abbott and Okamura, N/m, at the wall; none if nothing is quantised.
+    pub by_friction_n_per_m: Option<f64>,
+    /// The smaller of both, N/m.
+    pub passive_n_per_m: f64,
+    /// Whether all walls that have to be passive are quiet.
+    pub agrees: bool,
+}
+
+/// Why there is no limit.
+#[derive(Debug, Error)]
+pub enum ZWidthError {
+    /// The device, or a wall that is none.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    /// The way to the wall.
+    #[error(transparent)]
+    Path(#[from] PathError),
+}
+
+/// What the tip does in a wall that the hand is led into, the loop running at a rate, Hz, for 0.8 s. A command acts
+/// over the tick after the one at whose end it was computed, as in the servo.
+///
+/// # Errors
+/// If the device cannot be simulated at this rate, or a number of the wall is negative or not finite.
+pub fn touch(settings: &PhantomSettings, rate: f64, wall: &VirtualWall) -> Result<WallTouch, ZWidthError> {
+    for (name, value) in
+        [("the wall's stiffness (N/m)", wall.stiffness_n_per_m), ("the wall's damping (N·s/m)", wall.damping_n_s_per_m)]
+    {
+        if !(value >= 0.0 && value.is_finite()) {
+            return Err(DeviceError::Setting { name, value, needs: Needs::NotNegative }.into());
+        }
+    }
+    let tick = 1.0 / rate;
+    let mut device = Phantom::new(*settings, &path(&[(0.0, AIM), (APPROACH, -AIM)])?, tick)?;
+    let [settled, end] = [SETTLED, END].map(|time| (time * rate).round() as u64);
+    let (mut lowest, mut highest) = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
+    let mut depths = 0.0;
+    let mut before = device.measured_tip().z;
+    for count in 0..end {
+        let Ok(measured) = device.advance(count as f64 * tick) else {
+            return Ok(WallTouch { range_m: f64::INFINITY, depth_m: f64::NAN });
+        };
+        let speed = (measured.z - before) / tick;
+        before = measured.z;
+        device.command(&Vec3::new(0.0, 0.0, wall.force(measured.z, speed)));
+        if count >= settled {
+            let tip = device.tip();
+            (lowest, highest) = (lowest.inf(&tip), highest.sup(&tip));
+            depths -= tip.z;
+        }
+    }
+    Ok(WallTouch { range_m: (highest - lowest).max(), depth_m: depths / (end - settled) as f64 })
+}
+
+impl VirtualWall {
+    /// On a tip at a height, m, that rises with a speed, m/s: N, never pulling.
+    fn force(&self, height: f64, speed: f64) -> f64 {
+        if height < 0.0 { (-self.stiffness_n_per_m * height - self.damping_n_s_per_m * speed).max(0.0) } else { 0.0 }
+    }
+}
+
+/// The limit at a rate, Hz, and a damping of the wall, N·s/m.
+///
+/// # Errors
+/// If the device cannot be simulated at this rate, or the damping is negative or not finite.
+pub fn wall_limit(settings: &PhantomSettings, rate: f64, damping: f64) -> Result<WallLimit, ZWidthError> {
+    let is_quiet = |stiffness: f64| -> Result<bool, ZWidthError> {
+        let wall = VirtualWall { stiffness_n_per_m: stiffness, damping_n_s_per_m: damping };
+        Ok(touch(settings, rate, &wall)?.range_m <= QUIET_M)
+    };
+    let quiet_n_per_m = stiffest(is_quiet)?;
+    // At rest on the surface of the wall.
+    let bounds = Phantom::new(*settings, &path(&[(0.0, 0.0)])?, 1.0 / rate)?.wall_bounds(&Vec3::z(), damping);
+    let passive = bounds.passive_n_per_m();
+    Ok(WallLimit {
+        rate_hz: rate,
+        damping_n_s_per_m: damping,
+        quiet_n_per_m,
+        by_damping_n_per_m: bounds.by_damping_n_per_m,
+        by_friction_n_per_m: Some(bounds.by_friction_n_per_m).filter(|bound| bound.is_finite()),
+        passive_n_per_m: passive,
+        agrees: quiet_n_per_m.is_none_or(|quiet| quiet >= passive),
+    })
+}
+
+/// The last quiet stiffness before the first that is not: looks from below, then halves the logarithm.
+fn stiffest(is_quiet: impl Fn(f64) -> Result<bool, ZWidthError>) -> Result<Option<f64>, ZWidthError> {
+    let [softest, hardest] = STIFFNESSES_N_PER_M;
+    let stiffness = |look: i32| softest * (hardest / softest).powf(f64::from(look) / f64::from(LOOKS));
+    for look in 0..=LOOKS {
+        if is_quiet(stiffness(look))? {
+            continue;
+        }
+        if look == 0 {
+            return Ok(Some(0.0));
+        }
+        let [mut quiet, mut shaking] = [stiffness(look - 1), stiffness(look)];
+        for _ in 0..HALVINGS {
+            let middle = (quiet * shaking).sqrt();
+            *(if is_quiet(middle)? { &mut quiet } else { &mut shaking }) = middle;
+        }
+        return Ok(Some(quiet));
+    }
+    Ok(None)
+}
+
+/// Heights, m, at times, s, straight above each other.
+fn path(heights: &[(f64, f64)]) -> Result<TipPath, PathError> {
+    TipPath::new(
+        heights.iter().map(|&(time, z)| Waypoint { time, position: Vec3::new(0.0, 0.0, z) }).collect::<Vec<_>>(),
+    )
+}
