@@ -4,6 +4,7 @@ import csv
 
 import numpy as np
 
+from .scene import SceneError
 from .trace import DEVICE_COLUMNS
 
 # Relative to the largest value of the quantity in the reference. The same scene with its springs in another order, so
@@ -21,7 +22,7 @@ WEIGHTS = ("alpha", "beta", "gamma")
 
 
 def differences(expected, actual, triangles, positions):
-    """Per quantity (absolute, scaled) differences over the ticks both traces have, of a device where both have them.
+    """Per quantity (absolute, scaled) differences over the ticks both traces have.
 
     `positions` holds per tick the node positions on which the reference located its contact, None when free. Where just
     one of the traces is free, the contact quantities differ by NaN, which no tolerance accepts.
@@ -31,7 +32,9 @@ def differences(expected, actual, triangles, positions):
     actual = {name: values[:count] for name, values in actual.items()}
     both_free = (expected["mode"] == "free") & (actual["mode"] == "free")
     found = {}
-    absent = set(DEVICE_COLUMNS) - (set(expected) & set(actual))
+    absent = set(DEVICE_COLUMNS) - set(expected)
+    if absent != set(DEVICE_COLUMNS) - set(actual):
+        raise SceneError("one of the traces has a device, the other has not")
     for name, columns in VECTORS.items():
         if absent.intersection(columns):
             continue

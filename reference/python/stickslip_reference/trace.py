@@ -70,6 +70,8 @@ def read(path):
         raise SceneError(f"{path}: rows of different length")
     cells = {name: np.array([row[index] for row in rows[1:]], dtype=str) for index, name in enumerate(rows[0])
              if index < len(COLUMNS) or name in DEVICE_COLUMNS}
+    # A trace without a device leaves its columns empty.
+    cells = {name: values for name, values in cells.items() if name not in DEVICE_COLUMNS or (values != "").any()}
     unknown = set(cells["mode"].tolist()) - set(MODES)
     if unknown:
         raise SceneError(f"{path}: unknown modes {sorted(unknown)}")

@@ -295,13 +295,20 @@ def test_a_wrong_cell_in_a_column_of_the_device_fails_at_its_tick(direct, name):
         assert [entry["first_beyond"] for entry in entries if entry["beyond"]] == [120]
 
 
-def test_device_columns_are_compared_only_where_both_have_them(direct):
+def test_a_device_is_compared_and_its_absence_is_an_error(direct, tmp_path):
     _, network, run, columns = direct
-    fewer = {name: values for name, values in columns.items() if name not in trace.DEVICE_COLUMNS}
-    verdict = compared(run, network, fewer)
-    assert verdict["pass"] and not {"device", "contact_force", "hand_energy"} & set(verdict["quantities"])
-    verdict = compared(run, network, {name: values for name, values in columns.items() if name != "device_y"})
-    assert verdict["pass"] and "device" not in verdict["quantities"] and "hand_energy" in verdict["quantities"]
+    assert {"device", "contact_force", "hand_energy"} <= set(compared(run, network, columns)["quantities"])
+    for missing in (set(trace.DEVICE_COLUMNS), {"device_y"}):
+        with pytest.raises(SceneError, match="the other has not"):
+            compared(run, network, {name: values for name, values in columns.items() if name not in missing})
+    # Columns that are there but empty are those of a trace without a device.
+    path = tmp_path / "trace.csv"
+    trace.write(columns, path)
+    header, *rows = path.read_text().splitlines()
+    first = header.split(",").index("device_x")
+    emptied = [",".join(cell if at < first else "" for at, cell in enumerate(row.split(","))) for row in rows]
+    path.write_text("\n".join([header, *emptied]) + "\n")
+    assert not set(trace.DEVICE_COLUMNS) & set(trace.read(path))
 
 
 SCENE = '''
