@@ -744,6 +744,22 @@ mod realtime {
     }
 
     #[test]
+    fn a_fault_of_a_run_by_threads_is_a_fault_of_its_files() {
+        let folder = Folder::new("threads-fault");
+        let text = include_str!("../fixtures/scenes/deep-stick-slip-faceted.toml");
+        let out = folder.path("out");
+        let scene = folder.write("fault.toml", &format!("{text}\n[run]\nschedule = \"threads\"\n"));
+        let output = stickslip(&["run", &scene.display().to_string(), "--out", &out.display().to_string()]);
+        assert_eq!(output.status.code(), Some(1));
+        assert!(String::from_utf8_lossy(&output.stderr).contains("fault at tick"));
+        let summary: Value = serde_json::from_slice(&std::fs::read(out.join("summary.json")).unwrap()).unwrap();
+        assert_eq!(summary["completed"], false);
+        let output = stickslip(&["replay", &out.join("session.json").display().to_string()]);
+        assert_eq!(output.status.code(), Some(0));
+        assert!(String::from_utf8_lossy(&output.stdout).contains("the same end: fault at tick"));
+    }
+
+    #[test]
     fn what_cannot_be_certified_or_replayed_is_refused_with_a_way_out() {
         let folder = Folder::new("refused");
         let out = folder.path("out").display().to_string();

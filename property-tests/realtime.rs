@@ -52,7 +52,7 @@ fn a_run_in_real_time_is_done_again_bit_for_bit() {
         let pass = &run.session.passes[0];
         assert_eq!((pass.ticks, pass.tape.len()), (1200, 1200));
         assert_eq!(run.summary.window.lost_notes, 0, "the ring holds cycles; the global side was seconds late");
-        assert_eq!(again(&run.session, pass), Replayed::Same, "{text}");
+        assert_eq!(again(&run.session, pass), Replayed::Same { fault: None }, "{text}");
         assert!(!pass.times.arrivals.is_empty(), "no model ever arrived");
         if !text.is_empty() {
             assert!(!pass.times.late.is_empty(), "no response is as short as 3 µs");
@@ -65,7 +65,7 @@ fn a_recording_survives_its_file_and_betrays_what_was_changed() {
     let mut run = recorded(&scene(""));
     let text = serde_json::to_string(&run.session).expect("it can be written");
     let read: Session = serde_json::from_str(&text).expect("and read");
-    assert_eq!(again(&read, &read.passes[0]), Replayed::Same);
+    assert_eq!(again(&read, &read.passes[0]), Replayed::Same { fault: None });
 
     let pass = &mut run.session.passes[0];
     let tick = pass.tape.iter().rposition(|taped| taped.force[2] != 0.0).unwrap_or(0);
@@ -77,7 +77,7 @@ fn a_recording_survives_its_file_and_betrays_what_was_changed() {
     // Without a tape the checksum tells.
     let mut untaped = whole.clone();
     untaped.tape.clear();
-    assert_eq!(again(&run.session, &untaped), Replayed::Same);
+    assert_eq!(again(&run.session, &untaped), Replayed::Same { fault: None });
     untaped.checksum = "0000000000000000".to_owned();
     assert_eq!(again(&run.session, &untaped), Replayed::Differs { tick: None });
 
@@ -115,11 +115,15 @@ fn a_fault_ends_the_loop_and_comes_again() {
     let run = recorded(&Scene::parse(&text, "fault.toml".as_ref()).expect("a scene"));
     let pass = &run.session.passes[0];
     assert!(pass.ticks < 1200, "it runs away");
+    let recorded = pass.fault.clone().expect("it is kept");
     match again(&run.session, pass) {
-        // The tape ends before the tick with the fault: so far it is the same.
-        Replayed::Same => {}
+        Replayed::Same { fault: Some(fault) } => assert_eq!(fault.to_string(), recorded),
         other => panic!("{other:?}"),
     }
+    // Without its fault it is another run: one that should have gone on.
+    let mut cut = pass.clone();
+    cut.fault = Some("another".to_owned());
+    assert!(matches!(again(&run.session, &cut), Replayed::Ended { .. }));
     assert_eq!(run.session.overrun, OverrunPolicy::Hold);
 }
 

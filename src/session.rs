@@ -74,6 +74,9 @@ pub struct RecordedPass {
     pub times: RecordedTimes,
     /// Of all commanded forces.
     pub checksum: String,
+    /// The fault that ended it in the tick after these, if one did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fault: Option<String>,
     /// Tick by tick, if that was kept.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub tape: Vec<Taped>,
@@ -150,8 +153,11 @@ pub enum SessionError {
 /// How a pass went the second time.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Replayed {
-    /// The same, to the bit.
-    Same,
+    /// The same, to the bit; with the fault that ended both, if one did.
+    Same {
+        /// What ended it.
+        fault: Option<Box<Fault>>,
+    },
     /// Another tip or force.
     Differs {
         /// The first tick that differs; `None` if only the checksum was kept.
@@ -223,7 +229,9 @@ pub fn replay(simulation: Simulation, recorded: &RecordedPass, mut observe: impl
     let mut run = Lockstep::new(simulation);
     let (mut ticks, mut checksum, mut differs) = (0, Checksum::default(), None);
     let mut fault = None;
-    while ticks < recorded.ticks && fault.is_none() {
+    // A recorded fault comes in the tick after the last that was done.
+    let last = recorded.ticks + u64::from(recorded.fault.is_some());
+    while ticks < last && fault.is_none() {
         let step = run.begin_tick(&mut |_| ()).and_then(|is_there| {
             if is_there {
                 run.finish_tick(&mut |_| (), &mut |view| {
@@ -246,9 +254,9 @@ pub fn replay(simulation: Simulation, recorded: &RecordedPass, mut observe: impl
     }
     if differs.is_some() || (ticks == recorded.ticks && checksum.text() != recorded.checksum) {
         Replayed::Differs { tick: differs }
-    } else if ticks < recorded.ticks || fault.is_some() {
-        Replayed::Ended { ticks, fault }
+    } else if ticks == recorded.ticks && fault.as_ref().map(ToString::to_string) == recorded.fault {
+        Replayed::Same { fault }
     } else {
-        Replayed::Same
+        Replayed::Ended { ticks, fault }
     }
 }

@@ -23,7 +23,10 @@ pub fn replay(file: &Path) -> miette::Result<u8> {
         let went = session::replay(simulation, pass, |view| progress.set(view.tick + 1));
         progress.end(pass.ticks);
         let (is_same, words) = match went {
-            Replayed::Same => (true, format!("{} ticks, the same to the bit", pass.ticks)),
+            Replayed::Same { fault: None } => (true, format!("{} ticks, the same to the bit", pass.ticks)),
+            Replayed::Same { fault: Some(fault) } => {
+                (true, format!("{} ticks, the same to the bit, and the same end: {fault}", pass.ticks))
+            }
             Replayed::Differs { tick: Some(tick) } => (false, format!("DIFFERS from tick {tick} on")),
             Replayed::Differs { tick: None } => (false, "DIFFERS: the forces have another checksum".to_owned()),
             Replayed::Ended { ticks, fault } => {

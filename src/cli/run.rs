@@ -53,26 +53,22 @@ mod real_time {
         let mut recorded = record(scene, interrupt::flag()?)?;
         let session = &recorded.session;
         let pass = session.passes.first().ok_or_else(|| miette::miette!("the loop left no pass"))?;
-        let mut replayed = Replayed::Same;
+        let mut replayed = Replayed::Same { fault: None };
         let mut finished = write_run(scene, session.prepare(scene, pass)?, out, progress, |simulation, observe| {
             replayed = replay(simulation, pass, observe);
             match &replayed {
-                Replayed::Ended { fault, .. } => fault.as_deref().copied(),
-                Replayed::Same | Replayed::Differs { .. } => None,
+                Replayed::Same { fault } | Replayed::Ended { fault, .. } => fault.as_deref().copied(),
+                Replayed::Differs { .. } => None,
             }
         })?;
         let summary = &mut recorded.summary;
-        // A fault that comes again in the same tick is the same run; the tape ends before it.
-        let is_same = match &replayed {
-            Replayed::Same => true,
-            Replayed::Differs { .. } => false,
-            Replayed::Ended { ticks, .. } => *ticks == pass.ticks,
-        };
+        let is_same = matches!(replayed, Replayed::Same { .. });
         summary.replayed = is_same;
         write_json(&out.join("session.json"), session)?;
         write_json(&out.join("timing.json"), summary)?;
         if summary.stopped {
             finished.summary.completed = false;
+            write_json(&out.join("summary.json"), &finished.summary)?;
         }
         let Quantiles { p50, p99, max, .. } = summary.response_ns;
         say(format_args!(

@@ -122,8 +122,8 @@ impl ServoEnd {
     /// built. The boundary it was built from. Allocates nothing, frees nothing.
     ///
     /// # Errors
-    /// With what went wrong on the global side.
-    pub fn take_model(&mut self, servo: &mut Servo) -> Result<Option<u64>, Cause> {
+    /// With what went wrong on the global side, and the boundary at which it did.
+    pub fn take_model(&mut self, servo: &mut Servo) -> Result<Option<u64>, (u64, Cause)> {
         if !self.models.update() {
             return Ok(None);
         }
@@ -133,7 +133,7 @@ impl ServoEnd {
         }
         match slot.content.take() {
             None => Ok(None),
-            Some(Err(cause)) => Err(cause),
+            Some(Err(cause)) => Err((slot.from, cause)),
             Some(Ok(message)) => {
                 slot.content = Some(Ok(servo.hand_over(message, slot.from)));
                 self.from = slot.from;

@@ -72,8 +72,7 @@ pub struct Times {
 
 impl Times {
     fn new() -> Self {
-        // Both bounds are within what the crate accepts; its smallest histogram takes their place otherwise.
-        let histogram = Histogram::new_with_max(LONGEST_NS, DIGITS).or_else(|_| Histogram::new_with_max(2, 1));
+        let histogram = Histogram::new_with_max(LONGEST_NS, DIGITS);
         Self { histogram: histogram.expect("the bounds are constants that it accepts"), max_ns: 0 }
     }
 

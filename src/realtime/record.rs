@@ -106,6 +106,7 @@ pub fn recorded_pass(number: u32, pass: Pass) -> RecordedPass {
     RecordedPass {
         pass: number,
         ticks: pass.ticks_done(),
+        fault: pass.fault.map(|fault| fault.to_string()),
         times: pass.times,
         checksum: pass.checksum.text(),
         tape: pass.tape,

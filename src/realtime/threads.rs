@@ -356,7 +356,10 @@ fn run_loop(
 /// A model that has arrived comes into use, and a segment of the path begins with it or with a cycle.
 fn arrive(pass: &mut Pass, end: &mut ServoEnd, tick: u64, cycle_ticks: u64) -> Result<(), Fault> {
     match end.take_model(&mut pass.servo) {
-        Err(cause) => return Err(pass.servo.latch(cause)),
+        Err((from, cause)) => {
+            pass.times.arrivals.push(Arrival { from, at: tick });
+            return Err(pass.servo.latch(cause));
+        }
         Ok(Some(from)) => {
             pass.times.arrivals.push(Arrival { from, at: tick });
             end.begin_segment(&pass.servo);
