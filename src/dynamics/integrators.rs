@@ -128,8 +128,10 @@ impl Stepper {
         self.evaluations += 1;
         accelerate(network, &mut self.f);
         constraint.accelerations(&mut self.f);
-        add_scaled(&mut state.v, &self.f, h);
-        add_scaled(&mut state.x, &state.v, h);
+        for ((x, v), a) in state.x.iter_mut().zip(&mut state.v).zip(&self.f) {
+            *v += a * h;
+            *x += *v * h;
+        }
         constraint.state(1.0, state);
     }
 

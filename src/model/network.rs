@@ -180,9 +180,8 @@ impl Network {
 
 /// Sets velocity components below [`REST_SPEED`] to zero.
 pub fn snap_to_rest(v: &mut [Vec3]) {
-    for component in v.iter_mut().flat_map(|v| v.iter_mut()) {
-        if component.abs() < REST_SPEED {
-            *component = 0.0;
-        }
+    for component in bytemuck::cast_slice_mut::<Vec3, f64>(v) {
+        // A choice of values, not of whether to write: this becomes vector instructions.
+        *component = if component.abs() < REST_SPEED { 0.0 } else { *component };
     }
 }
