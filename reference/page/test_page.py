@@ -71,7 +71,7 @@ def test_it_fits_and_has_the_colours_asked_for(browser, address, pictures, schem
         assert wanted(brightness(picture(page.locator("ul.verdicts"))))
         if pictures:
             name = f"{scheme}-{size['width']}"
-            page.screenshot(path=pictures / f"{name}-view.png")
+            view.screenshot(path=pictures / f"{name}-view.png")
             page.screenshot(path=pictures / f"{name}-page.png", full_page=True)
 
 

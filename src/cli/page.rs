@@ -20,6 +20,7 @@ figure { margin: 2rem 0; }
 .pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(30rem, 100%), 1fr)); gap: 1rem; }
 figure svg { width: 100%; height: auto; background: #fff; border-radius: 6px; }
 section { margin-top: 2.5rem; }
+@media (max-width: 40rem) { figure { overflow-x: auto; } figure svg { min-width: 34rem; } }
 code, pre { overflow-wrap: anywhere; }
 pre { white-space: pre-wrap; }
 .verdicts { list-style: none; padding: 0; }

@@ -132,7 +132,7 @@ impl FrameRecorder {
             self.recording = self.begin(view);
         }
         let Recording::Going { stride, surface, shots, patches } = &mut self.recording else { return };
-        if view.tick % *stride != 0 {
+        if !view.tick.is_multiple_of(*stride) {
             return;
         }
         let slots = &view.local.model().patch.vertex_slot;

@@ -66,8 +66,8 @@ pub fn section(reported: &[Reported]) -> miette::Result<Markup> {
             div #view-stage hidden {
                 div.view-picture {
                     canvas #view-canvas tabindex="0" role="img" aria-describedby="view-keys" aria-label="The mesh under the tip" {}
-                    p #view-text {}
                 }
+                p #view-text {}
                 div.view-controls {
                     button #view-play type="button" { "Play" }
                     label.view-time { "Time " input #view-time type="range" min="0" max="0" step="1" value="0"; }

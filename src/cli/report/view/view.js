@@ -88,9 +88,9 @@
       body.computeBoundingSphere();
       this.centre = body.boundingSphere.center.clone();
       this.radius = body.boundingSphere.radius;
-      const dot = 0.03 * this.radius;
-      const points = (index, color) => {
-        const drawn = new THREE.Points(share(index), new THREE.PointsMaterial({ color, size: dot }));
+      const dot = 0.018 * this.radius;
+      const nodes = (most, color) => {
+        const drawn = new THREE.InstancedMesh(new THREE.SphereGeometry(dot, 12, 8), new THREE.MeshLambertMaterial({ color }), most);
         drawn.frustumCulled = false;
         return drawn;
       };
@@ -98,26 +98,36 @@
         color: colours.body, flatShading: true, side: THREE.DoubleSide, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
       }));
       const lines = new THREE.LineSegments(share(edges(run.triangles)), new THREE.LineBasicMaterial({ color: colours.line }));
-      this.patch = points([], colours.patch);
-      this.tip = new THREE.Mesh(new THREE.SphereGeometry(0.7 * dot, 24, 16), new THREE.MeshLambertMaterial({ color: colours.tip }));
+      this.patch = nodes(run.moving.length, colours.patch);
+      this.fixed = nodes(run.fixed.length, colours.fixed);
+      this.tip = new THREE.Mesh(new THREE.SphereGeometry(1.3 * dot, 24, 16), new THREE.MeshLambertMaterial({ color: colours.tip }));
       this.arrow = new THREE.Group();
       const paint = new THREE.MeshLambertMaterial({ color: colours.force });
       // Along y, one long.
       const shaft = new THREE.Mesh(new THREE.CylinderGeometry(1, 1, 0.8, 16).translate(0, 0.4, 0), paint);
       const head = new THREE.Mesh(new THREE.ConeGeometry(2.4, 0.2, 24).translate(0, 0.9, 0), paint);
       this.arrow.add(shaft, head);
-      this.scene.add(surface, lines, points(run.fixed, colours.fixed), this.patch, this.tip, this.arrow);
+      this.scene.add(surface, lines, this.fixed, this.patch, this.tip, this.arrow);
+      this.mark(this.fixed, run.fixed);
       for (const drawn of [surface, lines]) drawn.frustumCulled = false;
       const sun = new THREE.DirectionalLight(0xffffff, 2.2);
       sun.position.set(0.6, -0.9, 1.6);
       this.scene.add(new THREE.AmbientLight(0xffffff, 1.3), sun);
     }
 
+    /** Puts a ball on each of these vertices. */
+    mark(balls, vertices) {
+      const place = new THREE.Matrix4();
+      balls.count = vertices.length;
+      vertices.forEach((vertex, k) => balls.setMatrixAt(k, place.makeTranslation(...this.run.vertices.slice(3 * vertex, 3 * vertex + 3))));
+      balls.instanceMatrix.needsUpdate = true;
+    }
+
     show(frame) {
       const { run } = this;
       run.place(frame);
       this.positions.needsUpdate = true;
-      this.patch.geometry.setIndex(run.patch(frame));
+      this.mark(this.patch, run.patch(frame));
       this.tip.position.set(...run.tip_m[frame]);
       const force = new THREE.Vector3(...run.force_n[frame]);
       const length = 0.8 * this.radius * force.length() / run.largestForce;
@@ -214,7 +224,7 @@
   }
 
   function aim() {
-    const away = new THREE.Vector3(0.55, -1, 0.75).normalize().multiplyScalar(3.6 * model.radius);
+    const away = new THREE.Vector3(0.55, -1, 0.75).normalize().multiplyScalar(3.1 * model.radius);
     controls.target.copy(model.centre);
     camera.position.copy(model.centre).add(away);
     camera.near = 0.01 * model.radius;
