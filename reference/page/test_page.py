@@ -43,6 +43,15 @@ def brightness(image):
     return ImageStat.Stat(image.convert("L")).mean[0]
 
 
+def eventually(page, holds):
+    """Whether it comes to hold before one loses patience: a slow machine draws late."""
+    for _ in range(100):
+        if holds():
+            return True
+        page.wait_for_timeout(100)
+    return False
+
+
 def canvas(page):
     found = page.locator("#view-canvas")
     found.scroll_into_view_if_needed()
@@ -103,7 +112,7 @@ def test_it_plays_and_pauses(browser, address):
         assert page.locator("#view-play").inner_text() == "Pause"
         before, at = picture(view), int(page.locator("#view-time").input_value())
         page.wait_for_function("(at) => Number(document.getElementById('view-time').value) > at + 1", arg=at, timeout=20_000)
-        assert changed(before, picture(view)) > 0
+        assert eventually(page, lambda: changed(before, picture(view)) > 0)
         page.get_by_role("button", name="Pause").click()
         stands = page.locator("#view-time").input_value()
         page.wait_for_timeout(500)
@@ -114,10 +123,13 @@ def test_it_plays_and_pauses(browser, address):
 def test_it_begins_by_itself_only_where_motion_is_welcome(browser, address, wish):
     with opened(browser, address, reduced_motion=wish) as page:
         canvas(page)
-        page.wait_for_timeout(700)
-        moves = wish == "no-preference"
-        assert page.locator("#view-play").inner_text() == ("Pause" if moves else "Play")
-        assert (int(page.locator("#view-time").input_value()) > 0) == moves
+        begun = lambda: page.locator("#view-play").inner_text() == "Pause" and int(page.locator("#view-time").input_value()) > 0
+        if wish == "no-preference":
+            assert eventually(page, begun)
+        else:
+            page.wait_for_timeout(1000)
+            assert page.locator("#view-play").inner_text() == "Play"
+            assert page.locator("#view-time").input_value() == "0"
 
 
 def test_pointer_and_keys_turn_it(browser, address):
@@ -130,17 +142,14 @@ def test_pointer_and_keys_turn_it(browser, address):
         page.mouse.down()
         page.mouse.move(box["x"] + 400, box["y"] + 230, steps=5)
         page.mouse.up()
-        page.wait_for_timeout(300)
-        assert changed(before, picture(view)) > 0.02
+        assert eventually(page, lambda: changed(before, picture(view)) > 0.02)
         page.get_by_role("button", name="Reset view").click()
-        page.wait_for_timeout(300)
-        assert changed(before, picture(view)) < 0.002
+        assert eventually(page, lambda: changed(before, picture(view)) < 0.002)
         view.focus()
         for key in ("ArrowLeft", "ArrowUp", "+"):
             at = picture(view)
             page.keyboard.press(key)
-            page.wait_for_timeout(200)
-            assert changed(at, picture(view)) > 0.005, key
+            assert eventually(page, lambda: changed(at, picture(view)) > 0.005), key
         page.keyboard.press(" ")
         assert page.locator("#view-play").inner_text() == "Pause"
 
