@@ -1,11 +1,11 @@
 //! The program from outside: exit codes, messages, and the files it writes.
 
 mod baselines;
+mod report;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
-use stickslip::scene::SHIPPED;
 
 use assert_cmd::Command;
 
@@ -371,27 +371,6 @@ fn an_output_folder_that_cannot_be_is_named() {
     let output = run(Path::new("fig3-sliding"), &file.join("below"));
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("cannot write"), "{}", stderr(&output));
-}
-
-#[test]
-fn the_report_is_one_page_that_needs_nothing_else() {
-    let folder = Folder::new("report");
-    let out = folder.path("out");
-    let output = stickslip(&["report", "--out", &out.display().to_string()]);
-    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-    let page = fs::read_to_string(out.join("index.html")).expect("a page");
-    // A figure per scene, and one for the contact surfaces.
-    assert_eq!(page.matches("<svg").count(), SHIPPED.len() + 1);
-    for outside in ["src=", "href=", "@import", "url("] {
-        assert!(!page.contains(outside), "{outside}");
-    }
-    let json: serde_json::Value =
-        serde_json::from_str(&fs::read_to_string(out.join("report.json")).expect("JSON")).expect("JSON");
-    assert_eq!(json["runs"].as_array().expect("runs").len(), SHIPPED.len());
-    // Three laws, three surfaces, two schemes, two meshes.
-    assert_eq!(json["surfaces"].as_array().expect("surfaces").len(), 36);
-    let table = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(table.contains("fault, as expected") && !table.contains("UNEXPECTED"), "{table}");
 }
 
 #[test]

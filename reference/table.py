@@ -1,12 +1,19 @@
 """The cross-check table: reference, quantity, tolerance, measured residual, from what the checks left behind.
 
-table.py FOLDER   reads FOLDER/*.log (lines `RESIDUAL | reference | quantity | tolerance | measured`),
-                  FOLDER/python.json (pytest --residuals) and FOLDER/traces/*/reference-comparison.json
+table.py FOLDER [--summary FILE] [--failed WHAT]... [--skipped WHAT]...
+                  reads FOLDER/*.log (lines `RESIDUAL | reference | quantity | tolerance | measured`),
+                  FOLDER/python.json (pytest --residuals) and FOLDER/traces/*/reference-comparison.json;
+                  FILE gets the same as JSON with date, version and commit, which `stickslip report` shows
 """
 
+import argparse
 import json
-import sys
+import subprocess
+import tomllib
+from datetime import UTC, datetime
 from pathlib import Path
+
+HEAD = ["reference", "quantity", "tolerance", "measured"]
 
 
 def rows(folder):
@@ -30,8 +37,36 @@ def rows(folder):
         yield ["numpy trace", f"{comparison['scene']}: {rows} rows, every quantity; worst {name}, scaled", f"{tolerance:.1e}", f"{largest:.1e}"]
 
 
+def git(*arguments):
+    done = subprocess.run(["git", *arguments], capture_output=True, text=True, check=False)
+    return done.stdout.strip() if done.returncode == 0 else None
+
+
+def summary(found, failed, skipped):
+    commit = git("rev-parse", "--short=12", "HEAD")
+    return {
+        "version": tomllib.loads(Path("Cargo.toml").read_text())["package"]["version"],
+        "commit": "not told" if commit is None else commit + ("+" if git("status", "--porcelain") else ""),
+        "date": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        "passed": not failed,
+        "failed": failed,
+        "skipped": skipped,
+        "rows": [dict(zip(HEAD, row)) for row in found],
+    }
+
+
 def main():
-    table = [["reference", "quantity", "tolerance", "measured"], *rows(Path(sys.argv[1]))]
+    parser = argparse.ArgumentParser()
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--summary", type=Path)
+    parser.add_argument("--failed", action="append", default=[])
+    parser.add_argument("--skipped", action="append", default=[])
+    arguments = parser.parse_args()
+    found = list(rows(arguments.folder))
+    if arguments.summary:
+        text = json.dumps(summary(found, arguments.failed, arguments.skipped), indent=2, ensure_ascii=False)
+        arguments.summary.write_text(text + "\n")
+    table = [HEAD, *found]
     widths = [max(len(row[column]) for row in table) for column in range(4)]
     for number, row in enumerate(table):
         print("  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip())

@@ -25,6 +25,8 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+use self::report::ReportArguments;
+use crate::output::files::WriteError;
 use crate::scene::{Expectation, SHIPPED, Scene, SceneError};
 
 /// Everything went as it should.
@@ -55,16 +57,15 @@ struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Run scenes and write one report that opens in a browser
-    #[command(after_help = "Writes DIR/index.html with its figures inside, DIR/report.json, and for every \
-        scene the files of `run` in DIR/<scene>/.\n\nExample: stickslip report fig5-stick-slip my-scene.toml")]
-    Report {
-        /// Scene files or names of shipped scenes (default: all shipped scenes)
-        #[arg(value_name = "SCENE")]
-        scenes: Vec<PathBuf>,
-        /// Where the report goes
-        #[arg(long, value_name = "DIR", default_value = "reports")]
-        out: PathBuf,
-    },
+    #[command(
+        after_help = "Writes DIR/index.html, which needs no other file and no network, DIR/report.json, and for every \
+        scene the files of `run` in DIR/<scene>/. Without scenes it also compares contact surfaces and local models, \
+        looks at stability, and certifies the servo loop for a few seconds; --quick leaves that out.\n\n\
+        Exit code 1: a scene did not end as expected, accuracy could not be judged, or a stability verdict is FAIL. \
+        Verdicts on this machine (certificate) and of earlier runs (cross-check) are shown and change nothing.\n\n\
+        Example: stickslip report fig5-stick-slip my-scene.toml"
+    )]
+    Report(report::ReportArguments),
     /// Run one scene: trace, network, summary and force plot
     #[command(after_help = "Writes trace.csv (a row per tick), network.json, summary.json and forces.svg.\n\n\
         Exit code 0: it reached its duration; 1: a fault ended it (the rows before it are kept), or the tip passed \
@@ -155,8 +156,8 @@ fn after_help() -> String {
 /// Parses the arguments and does what they say.
 pub fn main() -> ExitCode {
     let command = Arguments::parse().command;
-    let done = match command.unwrap_or(Command::Report { scenes: Vec::new(), out: "reports".into() }) {
-        Command::Report { scenes, out } => report::report(&scenes, &out),
+    let done = match command.unwrap_or_else(|| Command::Report(ReportArguments::default())) {
+        Command::Report(arguments) => report::report(&arguments),
         Command::Run { scene, out } => run::run(&scene, out),
         Command::Stability { scene, out } => stability::stability(&scene, out),
         Command::Explain { scene, json } => explain::explain(&scene, json),
@@ -181,6 +182,16 @@ fn load(scene: &Path) -> Result<(Scene, Expectation), SceneError> {
     match shipped {
         Some(shipped) if !scene.exists() => Ok((Scene::parse(shipped.text, scene)?, shipped.expectation)),
         _ => Ok((Scene::load(scene)?, Expectation::Completes)),
+    }
+}
+
+/// Where a command's files go: the folder given, or else one of the scene's name. It is made here, so that nothing
+/// is computed that could not be written.
+fn folder(out: Option<PathBuf>, scene: &Scene) -> Result<PathBuf, WriteError> {
+    let out = out.unwrap_or_else(|| Path::new("reports").join(&scene.name));
+    match std::fs::create_dir_all(&out) {
+        Ok(()) => Ok(out),
+        Err(source) => Err(WriteError { path: out, source }),
     }
 }
 

@@ -19,7 +19,24 @@ th:nth-child(-n+2), td:nth-child(-n+2) { text-align: left; }
 figure { margin: 2rem 0; }
 .pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(30rem, 100%), 1fr)); gap: 1rem; }
 figure svg { width: 100%; height: auto; background: #fff; border-radius: 6px; }
+section { margin-top: 2.5rem; }
+@media (max-width: 40rem) { figure { overflow-x: auto; } figure svg { min-width: 34rem; } }
+code, pre { overflow-wrap: anywhere; }
+pre { white-space: pre-wrap; }
+.verdicts { list-style: none; padding: 0; }
+.verdicts li { margin: .4rem 0; padding: .4rem .8rem; border-left: .35rem solid; border-radius: 4px; background: #8881; overflow-wrap: anywhere; }
+.verdicts .fail { border-color: #c22; }
+.verdicts .inconclusive { border-color: #c80; }
+.verdicts .pass { border-color: #2a4; }
+.verdicts a { color: inherit; }
+@media (prefers-color-scheme: dark) {
+  .unexpected, .diverged { color: #f77; }
+  /* White becomes nearly black, and every colour keeps its hue. */
+  figure svg { filter: invert(.91) hue-rotate(180deg); }
+}
 ";
+
+const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
 
 /// A whole page under its title.
 pub fn page(title: &str, body: &Markup) -> Markup {
@@ -28,6 +45,8 @@ pub fn page(title: &str, body: &Markup) -> Markup {
         html lang="en" {
             head {
                 meta charset="utf-8";
+                // The browser itself refuses whatever is not in the page.
+                meta http-equiv="Content-Security-Policy" content=(POLICY);
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 title { (title) }
                 style { (PreEscaped(STYLE)) }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::progress::Progress;
 use super::{FAIL, PASS, load, say, table};
 use crate::output::files::{FinishedRun, run_into};
+use crate::pipeline::TickView;
 use crate::scene::{Scene, Schedule};
 
 pub fn run(scene: &Path, out: Option<PathBuf>) -> miette::Result<u8> {
@@ -12,7 +13,7 @@ pub fn run(scene: &Path, out: Option<PathBuf>) -> miette::Result<u8> {
     let out = out.unwrap_or_else(|| Path::new("reports").join(&scene.name));
     let mut progress = Progress::new(scene.tick_count, "ticks");
     progress.begin(&scene.name);
-    let (finished, is_same) = execute(&scene, &out, |ticks| progress.set(ticks))?;
+    let (finished, is_same) = execute(&scene, &out, |view| progress.set(view.tick + 1))?;
     drop(progress);
     let outcome = match (finished.summary.completed, finished.summary.passes()) {
         (false, _) => "fault",
@@ -32,10 +33,10 @@ pub fn run(scene: &Path, out: Option<PathBuf>) -> miette::Result<u8> {
 
 /// Runs a scene by its schedule into a folder. Beside what the run was: whether what was recorded in real time came out
 /// the same, to the bit, when it was done again for the files.
-pub fn execute(scene: &Scene, out: &Path, progress: impl FnMut(u64)) -> miette::Result<(FinishedRun, bool)> {
+pub fn execute(scene: &Scene, out: &Path, watch: impl FnMut(&TickView)) -> miette::Result<(FinishedRun, bool)> {
     match scene.schedule {
-        Schedule::Lockstep => Ok((run_into(scene, out, progress)?, true)),
-        Schedule::Threads => real_time::execute(scene, out, progress),
+        Schedule::Lockstep => Ok((run_into(scene, out, watch)?, true)),
+        Schedule::Threads => real_time::execute(scene, out, watch),
     }
 }
 
@@ -45,16 +46,17 @@ mod real_time {
 
     use super::super::{interrupt, say};
     use crate::output::files::{FinishedRun, write_json, write_run};
+    use crate::pipeline::TickView;
     use crate::realtime::record::{Quantiles, record};
     use crate::scene::Scene;
     use crate::session::{Replayed, replay};
 
-    pub fn execute(scene: &Scene, out: &Path, progress: impl FnMut(u64)) -> miette::Result<(FinishedRun, bool)> {
+    pub fn execute(scene: &Scene, out: &Path, watch: impl FnMut(&TickView)) -> miette::Result<(FinishedRun, bool)> {
         let mut recorded = record(scene, interrupt::flag()?)?;
         let session = &recorded.session;
         let pass = session.passes.first().ok_or_else(|| miette::miette!("the loop left no pass"))?;
         let mut replayed = Replayed::Same { fault: None };
-        let mut finished = write_run(scene, session.prepare(scene, pass)?, out, progress, |simulation, observe| {
+        let mut finished = write_run(scene, session.prepare(scene, pass)?, out, watch, |simulation, observe| {
             replayed = replay(simulation, pass, observe);
             match &replayed {
                 Replayed::Same { fault } | Replayed::Ended { fault, .. } => fault.as_deref().copied(),
@@ -93,9 +95,10 @@ mod real_time {
     use std::path::Path;
 
     use crate::output::files::FinishedRun;
+    use crate::pipeline::TickView;
     use crate::scene::Scene;
 
-    pub fn execute(_: &Scene, _: &Path, _: impl FnMut(u64)) -> miette::Result<(FinishedRun, bool)> {
+    pub fn execute(_: &Scene, _: &Path, _: impl FnMut(&TickView)) -> miette::Result<(FinishedRun, bool)> {
         Err(miette::miette!(
             help = "build with the feature `realtime` on Linux, or give `run.schedule = \"lockstep\"`",
             "this program cannot run scenes with `run.schedule = \"threads\"`"

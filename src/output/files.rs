@@ -54,14 +54,13 @@ pub struct FinishedRun {
 }
 
 /// Runs a scene in virtual time and writes `trace.csv`, `network.json`, `summary.json` and, with plots, `forces.svg`
-/// into a folder. A fault ends the run; the rows before it are kept. `progress` is called with the
-/// number of ticks done.
+/// into a folder. A fault ends the run; the rows before it are kept. `watch` is told of every tick.
 ///
 /// # Errors
 /// If the scene cannot start, and then nothing is written; or a file cannot be.
-pub fn run_into(scene: &Scene, out: &Path, progress: impl FnMut(u64)) -> Result<FinishedRun, RunFilesError> {
+pub fn run_into(scene: &Scene, out: &Path, watch: impl FnMut(&TickView)) -> Result<FinishedRun, RunFilesError> {
     let simulation = Simulation::prepare(scene)?;
-    Ok(write_run(scene, simulation, out, progress, |simulation, observe| simulation.run(observe).err())?)
+    Ok(write_run(scene, simulation, out, watch, |simulation, observe| simulation.run(observe).err())?)
 }
 
 /// The same for a simulation that `drive` runs, telling of every tick; its fault, if one ended it.
@@ -72,7 +71,7 @@ pub fn write_run(
     scene: &Scene,
     simulation: Simulation,
     out: &Path,
-    mut progress: impl FnMut(u64),
+    mut watch: impl FnMut(&TickView),
     drive: impl FnOnce(Simulation, &mut dyn FnMut(&TickView)) -> Option<Fault>,
 ) -> Result<FinishedRun, WriteError> {
     let start = Instant::now();
@@ -95,7 +94,7 @@ pub fn write_run(
         {
             trouble = Some(io::Error::other(error));
         }
-        progress(view.tick + 1);
+        watch(view);
     });
     match trouble {
         Some(error) => Err(error),

@@ -2,6 +2,8 @@
 
 use std::io;
 
+use plotters::chart::ChartContext;
+use plotters::coord::ranged1d::Ranged;
 use plotters::prelude::*;
 
 use super::axes::{Area, BLUE, Drawn, GREY, document, legend, quiet};
@@ -39,6 +41,20 @@ pub fn tails(servo: &[(f64, f64)], control: &[(f64, f64)], deadline_us: f64) -> 
     document(SIZE, |area| draw_tails(area, servo, control, deadline_us))
 }
 
+/// A line with its name in the legend.
+fn named<'a, 'svg: 'a, X: Ranged<ValueType = f64>, Y: Ranged<ValueType = f64>>(
+    chart: &mut ChartContext<'a, SVGBackend<'svg>, Cartesian2d<X, Y>>,
+    points: Vec<(f64, f64)>,
+    style: ShapeStyle,
+    name: &str,
+) -> Drawn {
+    chart
+        .draw_series(LineSeries::new(points, style))?
+        .label(name)
+        .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
+    Ok(())
+}
+
 fn decades(values: impl Iterator<Item = f64>, deadline_us: f64) -> (f64, f64) {
     let (mut bottom, mut top) = (deadline_us, deadline_us);
     for value in values.filter(|value| *value > SHORTEST_US && value.is_finite()) {
@@ -66,19 +82,12 @@ fn draw_over_time(area: &Area, stretches: &[Stretch], deadline_us: f64) -> Drawn
         stretches.iter().map(move |s| (s.time_s, of(s))).filter(|(_, us)| *us > SHORTEST_US).collect::<Vec<_>>()
     };
     let control = line(|s| s.control_us);
-    let mut series = |points: Vec<(f64, f64)>, style: ShapeStyle, name: &str| -> Drawn {
-        chart
-            .draw_series(LineSeries::new(points, style))?
-            .label(name)
-            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
-        Ok(())
-    };
     if !control.is_empty() {
-        series(control, GREY.stroke_width(1), "longest of the empty loop")?;
+        named(&mut chart, control, GREY.stroke_width(1), "longest of the empty loop")?;
     }
-    series(line(|s| s.response_us[0]), BLUE.stroke_width(1), "longest of the stretch")?;
-    series(line(|s| s.response_us[1]), BLUE.mix(0.5).stroke_width(2), "mean of the stretch")?;
-    series(vec![(0.0, deadline_us), (end, deadline_us)], DEADLINE.stroke_width(2), "deadline")?;
+    named(&mut chart, line(|s| s.response_us[0]), BLUE.stroke_width(1), "longest of the stretch")?;
+    named(&mut chart, line(|s| s.response_us[1]), BLUE.mix(0.5).stroke_width(2), "mean of the stretch")?;
+    named(&mut chart, vec![(0.0, deadline_us), (end, deadline_us)], DEADLINE.stroke_width(2), "deadline")?;
     legend(&mut chart, SeriesLabelPosition::UpperLeft, 10, 24)
 }
 
@@ -97,18 +106,11 @@ fn draw_tails(area: &Area, servo: &[(f64, f64)], control: &[(f64, f64)], deadlin
         .x_label_formatter(&|us| format!("{us}"))
         .y_label_formatter(&|share| format!("{share:.0e}"))
         .draw()?;
-    let mut series = |points: Vec<(f64, f64)>, style: ShapeStyle, name: &str| -> Drawn {
-        chart
-            .draw_series(LineSeries::new(points, style))?
-            .label(name)
-            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
-        Ok(())
-    };
     let drawn = |points: &[(f64, f64)]| points.iter().copied().filter(|(us, _)| *us > SHORTEST_US).collect::<Vec<_>>();
     if !control.is_empty() {
-        series(drawn(control), GREY.stroke_width(2), "the empty loop")?;
+        named(&mut chart, drawn(control), GREY.stroke_width(2), "the empty loop")?;
     }
-    series(drawn(servo), BLUE.stroke_width(2), "the servo loop")?;
-    series(vec![(deadline_us, bottom), (deadline_us, 1.0)], DEADLINE.stroke_width(2), "deadline")?;
+    named(&mut chart, drawn(servo), BLUE.stroke_width(2), "the servo loop")?;
+    named(&mut chart, vec![(deadline_us, bottom), (deadline_us, 1.0)], DEADLINE.stroke_width(2), "deadline")?;
     legend(&mut chart, SeriesLabelPosition::LowerLeft, 10, 24)
 }

@@ -3,6 +3,7 @@
 #[cfg(feature = "plots")]
 mod axes;
 pub mod files;
+pub mod frames;
 #[cfg(all(feature = "plots", feature = "realtime", target_os = "linux"))]
 pub mod latency;
 #[cfg(feature = "plots")]

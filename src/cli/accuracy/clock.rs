@@ -10,8 +10,6 @@ use crate::scene::{Scene, SceneError};
 
 /// Times of each run, unless the share of its time is over before.
 const REPEATS: usize = 7;
-/// What all times together may take.
-const PATIENCE: Duration = Duration::from_secs(40);
 
 /// What a method takes.
 #[derive(Debug, Clone, Serialize)]
@@ -49,9 +47,9 @@ struct Times {
 }
 
 impl Stopwatch {
-    /// For so many methods.
-    pub fn new(methods: usize) -> Self {
-        Self { share: PATIENCE / methods.max(1) as u32 }
+    /// For so many methods, which all together may take `patience`.
+    pub fn new(patience: Duration, methods: usize) -> Self {
+        Self { share: patience / methods.max(1) as u32 }
     }
 
     /// What a scene takes.

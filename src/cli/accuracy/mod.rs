@@ -1,21 +1,22 @@
 //! `stickslip accuracy`: what local approximations cost, in accuracy and in time.
 
 mod clock;
-mod page;
+mod section;
 mod table;
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Mutex;
+use std::time::Duration;
 
 use clap::Args;
-use miette::{IntoDiagnostic, WrapErr};
+use maud::Markup;
+use miette::IntoDiagnostic;
 use rayon::prelude::*;
 use serde::Serialize;
 
 use self::clock::{Cost, Stopwatch};
 use super::progress::Progress;
-use super::{FAIL, PASS, load, say};
+use super::{FAIL, PASS, folder, load, page, say};
 use crate::model::condensation::CondensationCounts;
 use crate::model::work::WorkCounts;
 use crate::output::files::{write_file, write_json};
@@ -26,6 +27,13 @@ use crate::verify::accuracy::{
 };
 use crate::verify::orders::{self, Case, ObservedOrder};
 
+/// What a tick may take, µs.
+const BUDGET_US: f64 = 10.0;
+/// What all times together may take.
+const PATIENCE: Duration = Duration::from_secs(40);
+/// The same in a report.
+const BRIEF_PATIENCE: Duration = Duration::from_secs(6);
+
 #[derive(Debug, Args)]
 pub struct AccuracyArguments {
     /// A scene file or the name of a shipped scene
@@ -34,7 +42,7 @@ pub struct AccuracyArguments {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// What a tick may take, µs, in 99 of 100 ticks
-    #[arg(long, value_name = "N", default_value_t = 10.0, value_parser = positive)]
+    #[arg(long, value_name = "N", default_value_t = BUDGET_US, value_parser = positive)]
     budget_us: f64,
     /// What a global cycle may take, ms (default: as long as it lasts; never more)
     #[arg(long, value_name = "N", value_parser = positive)]
@@ -68,18 +76,18 @@ impl Budget {
 
 /// `accuracy.json`.
 #[derive(Serialize)]
-struct AccuracyFile<'a> {
-    scene: &'a str,
+pub struct AccuracyFile {
+    pub scene: String,
     version: &'static str,
     /// The scene's, Hz.
     cycle_rate: f64,
     budget: Budget,
-    points: &'a [Point],
-    references: &'a [ReferenceEntry],
+    points: Vec<Point>,
+    references: Vec<ReferenceEntry>,
     best: Option<Best>,
     /// Of a small block, whatever the scene.
-    orders: &'a [ObservedOrder],
-    left_out: &'a [String],
+    orders: Vec<ObservedOrder>,
+    left_out: Vec<String>,
 }
 
 /// A method in `accuracy.json`.
@@ -156,41 +164,74 @@ struct Best {
 
 pub fn accuracy(arguments: &AccuracyArguments) -> miette::Result<u8> {
     let (scene, _) = load(&arguments.scene)?;
-    let out = arguments.out.clone().unwrap_or_else(|| Path::new("reports").join(&scene.name));
     let coverage = if arguments.all { Coverage::All } else { Coverage::Default };
     let grid = accuracy::grid(&scene, coverage)?;
-    fs::create_dir_all(&out).into_diagnostic().wrap_err_with(|| format!("cannot write {}", out.display()))?;
+    let out = folder(arguments.out.clone(), &scene)?;
 
     let budget = Budget { tick_us: arguments.budget_us, cycle_ms: arguments.cycle_ms };
-    let orders: Vec<ObservedOrder> =
-        Case::all().into_par_iter().map(orders::observe).collect::<Result<_, _>>().into_diagnostic()?;
-    let (points, references) = measure(&scene, &grid, budget)?;
-    let best = best(&points, &references, budget);
-    let file = AccuracyFile {
-        scene: &scene.name,
-        version: env!("CARGO_PKG_VERSION"),
-        cycle_rate: scene.global.rate,
-        budget,
-        points: &points,
-        references: &references,
-        best,
-        orders: &orders,
-        left_out: &grid.left_out,
-    };
+    let file = compare(&scene, grid, budget, PATIENCE)?;
     write_json(&out.join("accuracy.json"), &file)?;
-    write_file(&out.join("index.html"), page::page(&file)?.into_string().as_bytes())?;
+    let title = format!("{}: accuracy of local models", file.scene);
+    write_file(&out.join("index.html"), page::page(&title, &section::section(&file)?).into_string().as_bytes())?;
 
     say(table::points(&file))?;
     say(table::orders(&file))?;
     for line in sentences(&file) {
         say(line)?;
     }
-    say(format_args!("all {} methods: {}", points.len(), out.join("index.html").display()))?;
+    say(format_args!("all {} methods: {}", file.points.len(), out.join("index.html").display()))?;
     Ok(if file.best.is_some() { PASS } else { FAIL })
 }
 
-/// Errors first, in parallel; then times, each alone.
-fn measure(scene: &Scene, grid: &Grid, budget: Budget) -> Result<(Vec<Point>, Vec<ReferenceEntry>), SceneError> {
+/// What is said of a scene's methods in the report: few of them, and quickly.
+pub fn brief(scene: &Scene) -> miette::Result<(AccuracyFile, Markup)> {
+    let grid = accuracy::grid(scene, Coverage::Brief)?;
+    let file = compare(scene, grid, Budget { tick_us: BUDGET_US, cycle_ms: None }, BRIEF_PATIENCE)?;
+    let section = section::section(&file)?;
+    Ok((file, section))
+}
+
+impl AccuracyFile {
+    /// What stands in the way of a judgement by errors, which the same program gives the same everywhere: a reference that
+    /// did not reach its end, or no local model that is better than no force.
+    pub fn failure(&self) -> Option<String> {
+        if let Some(fault) = self.references.iter().find_map(|r| r.fault.as_ref().or(r.fault_fine.as_ref())) {
+            return Some(format!("a reference ended in a fault: {fault}"));
+        }
+        let all_diverged = self.points.iter().all(|point| point.status == Status::Diverged);
+        all_diverged.then(|| "all local models diverged".to_owned())
+    }
+
+    /// The best within the budget, or that there is none: by the clock of this machine.
+    pub fn best_in_words(&self) -> (bool, String) {
+        (self.best.is_some(), sentences(self).swap_remove(0))
+    }
+}
+
+fn compare(scene: &Scene, grid: Grid, budget: Budget, patience: Duration) -> miette::Result<AccuracyFile> {
+    let orders: Vec<ObservedOrder> =
+        Case::all().into_par_iter().map(orders::observe).collect::<Result<_, _>>().into_diagnostic()?;
+    let (points, references) = measure(scene, &grid, budget, patience)?;
+    Ok(AccuracyFile {
+        scene: scene.name.clone(),
+        version: env!("CARGO_PKG_VERSION"),
+        cycle_rate: scene.global.rate,
+        budget,
+        best: best(&points, &references, budget),
+        points,
+        references,
+        orders,
+        left_out: grid.left_out,
+    })
+}
+
+/// Errors first, in parallel; then times, each alone, all within `patience`.
+fn measure(
+    scene: &Scene,
+    grid: &Grid,
+    budget: Budget,
+    patience: Duration,
+) -> Result<(Vec<Point>, Vec<ReferenceEntry>), SceneError> {
     let runs = (grid.methods.len() + grid.contacts.len()) as u64;
     let progress = Mutex::new(Progress::new(2 * runs * scene.tick_count, "ticks"));
     let begin = |name: &str| with(&progress, |progress| progress.begin(name));
@@ -214,7 +255,7 @@ fn measure(scene: &Scene, grid: &Grid, budget: Budget) -> Result<(Vec<Point>, Ve
         .collect::<Result<_, _>>()?;
 
     begin("times");
-    let mut stopwatch = Stopwatch::new(grid.methods.len() + grid.contacts.len());
+    let mut stopwatch = Stopwatch::new(patience, grid.methods.len() + grid.contacts.len());
     let mut entries = Vec::with_capacity(references.len());
     for reference in references {
         let cost = stopwatch.cost(&Reference::scene(scene, reference.touching))?;

@@ -7,11 +7,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::{Args, ValueEnum};
+use maud::Markup;
 
 use super::progress::Progress;
 use super::tick_timing::{TimedTick, time_ticks};
-use super::{FAIL, INCONCLUSIVE, PASS, interrupt, load, say};
-use crate::output::files::{WriteError, write_file, write_json};
+use super::{FAIL, INCONCLUSIVE, PASS, folder, interrupt, load, say};
+use crate::output::files::{write_file, write_json};
 use crate::pipeline::Simulation;
 use crate::realtime::certificate::{Certificate, Circumstances, Verdict, WorstTick};
 use crate::realtime::load::Load;
@@ -71,9 +72,8 @@ enum PolicyName {
 
 pub fn certify(arguments: &CertifyArguments) -> miette::Result<u8> {
     let scene = asked_for(arguments)?;
-    let out = arguments.out.clone().unwrap_or_else(|| Path::new("reports").join(&scene.name));
-    std::fs::create_dir_all(&out).map_err(|source| WriteError { path: out.clone(), source })?;
-    let certificate = measure(&scene, arguments.duration, arguments.load, &out)?;
+    let out = folder(arguments.out.clone(), &scene)?;
+    let (certificate, _) = measure(&scene, arguments.duration, arguments.load, &out)?;
     say(page::words(&certificate))?;
     say(format_args!("certificate: {}", out.join("certificate.md").display()))?;
     Ok(match certificate.verdict() {
@@ -81,6 +81,13 @@ pub fn certify(arguments: &CertifyArguments) -> miette::Result<u8> {
         Verdict::Fail => FAIL,
         Verdict::Inconclusive => INCONCLUSIVE,
     })
+}
+
+/// What is said of a scene's servo loop in the report, after so many seconds on an otherwise idle machine.
+pub fn brief(scene: &Scene, duration_s: f64, out: &Path) -> miette::Result<(Certificate, Markup)> {
+    let (certificate, figures) = measure(scene, duration_s, LoadName::None, out)?;
+    let section = page::section(&certificate, &figures);
+    Ok((certificate, section))
 }
 
 /// The scene with what the command line changes.
@@ -116,8 +123,11 @@ fn asked_for(arguments: &CertifyArguments) -> miette::Result<Scene> {
     Ok(scene)
 }
 
+/// Figures, under the names of their files.
+type Figures = Vec<(&'static str, String)>;
+
 /// Measures a scene's loop, does its worst ticks again, judges, and writes everything into a folder.
-fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette::Result<Certificate> {
+fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette::Result<(Certificate, Figures)> {
     let stop = interrupt::flag()?;
     let ticks = (duration_s / scene.tick).round().max(1.0) as u64;
     let (passes, warm_up) = prepare(scene, ticks, stop)?;
@@ -158,11 +168,12 @@ fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette
     );
     write_json(&out.join("session.json"), &session)?;
     write_json(&out.join("certificate.json"), &certificate)?;
-    for (name, svg) in page::figures(&served)? {
+    let figures = page::figures(&served)?;
+    for (name, svg) in &figures {
         write_file(&out.join(name), svg.as_bytes())?;
     }
     write_file(&out.join("certificate.md"), page::markdown(&certificate).as_bytes())?;
-    Ok(certificate)
+    Ok((certificate, figures))
 }
 
 /// Fresh states for so many ticks, and one to warm up with.

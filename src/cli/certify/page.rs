@@ -2,12 +2,18 @@
 
 use std::fmt::Write as _;
 
+use maud::{Markup, PreEscaped, html};
+
+use crate::cli::page;
 use crate::realtime::certificate::{Certificate, MissRate, WorstTick};
 use crate::realtime::record::Quantiles;
 use crate::realtime::threads::Served;
 use crate::verify::certificate::bounds::RateBound;
 use crate::verify::certificate::tail::Tail;
 use crate::verify::lateness::Consequences;
+
+/// Its file.
+const RESPONSE: &str = "response.svg";
 
 fn us(ns: u64) -> f64 {
     ns as f64 * 1e-3
@@ -48,6 +54,53 @@ pub fn words(certificate: &Certificate) -> String {
     text + &lines.join("\n")
 }
 
+/// What was timed, and its quantiles in µs.
+fn times(certificate: &Certificate) -> [[String; 7]; 6] {
+    let Certificate { compute, platform, .. } = certificate;
+    let rows = [
+        ("release to begin", &platform.release_ns),
+        ("begin to command (wall)", &compute.compute_ns),
+        ("begin to command (thread CPU)", &compute.cpu_ns),
+        ("release to command: the response", &platform.response_ns),
+        ("empty loop: release to begin", &platform.control.release_ns),
+        ("empty loop: response", &platform.control.response_ns),
+    ];
+    rows.map(|(name, q)| {
+        let [p50, p90, p99, p999, p9999, max] =
+            [q.p50, q.p90, q.p99, q.p999, q.p9999, q.max].map(|ns| format!("{:.1}", us(ns)));
+        [name.to_owned(), p50, p90, p99, p999, p9999, max]
+    })
+}
+
+/// In the report.
+pub fn section(certificate: &Certificate, figures: &[(&'static str, String)]) -> Markup {
+    let Certificate { compute, platform, .. } = certificate;
+    let head = ["what (µs)", "p50", "p90", "p99", "p99.9", "p99.99", "longest"];
+    html! {
+        h2 #certificate { "Certificate of the servo loop" }
+        p {
+            (certificate.scene) " in real time on this machine: " (certificate.ticks) " ticks at "
+            (format!("{:.0} Hz in {:.1} s", certificate.rate_hz, certificate.duration_s))
+            ", each with its command due " (format!("{:.0} µs", certificate.deadline_us)) " after its release. A certificate to \
+             rely on takes longer: " code { "stickslip certify" } "."
+        }
+        p { b { "Compute: " (compute.verdict.name()) ". " } (compute.reasons.join("; ")) "." }
+        p { b { "Platform: " (platform.verdict.name()) ". " } (platform.reasons.join("; ")) "." }
+        (page::table("", head, times(certificate)))
+        div.pair {
+            @for (name, svg) in figures {
+                figure {
+                    (PreEscaped(svg))
+                    figcaption {
+                        @if *name == RESPONSE { "Responses over time, of this loop and of one that does nothing." }
+                        @else { "Shares of ticks that take longer than a time." }
+                    }
+                }
+            }
+        }
+    }
+}
+
 /// The page.
 pub fn markdown(certificate: &Certificate) -> String {
     let Certificate { compute, platform, window, settings, machine, .. } = certificate;
@@ -71,17 +124,8 @@ pub fn markdown(certificate: &Certificate) -> String {
     ));
     say("## Times (µs)\n".to_owned());
     say("| | p50 | p90 | p99 | p99.9 | p99.99 | longest |\n|---|---|---|---|---|---|---|".to_owned());
-    let rows = [
-        ("release to begin", &platform.release_ns),
-        ("begin to command (wall)", &compute.compute_ns),
-        ("begin to command (thread CPU)", &compute.cpu_ns),
-        ("release to command: the response", &platform.response_ns),
-        ("empty loop: release to begin", &platform.control.release_ns),
-        ("empty loop: response", &platform.control.response_ns),
-    ];
-    for (name, q) in rows {
-        let cells = [q.p50, q.p90, q.p99, q.p999, q.p9999, q.max].map(|ns| format!("{:.1}", us(ns)));
-        say(format!("| {name} | {} |", cells.join(" | ")));
+    for row in times(certificate) {
+        say(format!("| {} |", row.join(" | ")));
     }
     say("\nQuantiles have three digits; the longest and all counts are exact.\n".to_owned());
     say("![responses over time](response.svg)\n\n![shares that take longer](distribution.svg)\n".to_owned());
@@ -229,7 +273,7 @@ pub fn figures(served: &Served) -> miette::Result<Vec<(&'static str, String)>> {
     let in_us = |tail: Vec<(f64, f64)>| tail.into_iter().map(|(ns, share)| (ns * 1e-3, share)).collect::<Vec<_>>();
     let draw = |svg: std::io::Result<String>| svg.into_diagnostic().wrap_err("cannot draw the loop's times");
     Ok(vec![
-        ("response.svg", draw(over_time(&stretches, deadline_us))?),
+        (RESPONSE, draw(over_time(&stretches, deadline_us))?),
         (
             "distribution.svg",
             draw(tails(&in_us(meter.response.tail()), &in_us(meter.control_response.tail()), deadline_us))?,

@@ -54,7 +54,7 @@ pub fn section(limits: &[WallLimit]) -> miette::Result<Markup> {
         .iter()
         .map(|limit| page::Row { class: (!limit.agrees).then(|| "unexpected".to_owned()), cells: row(limit) });
     Ok(html! {
-        h2 { "Virtual walls" }
+        h3 { "Virtual walls" }
         p {
             "The stiffest wall into which the modelled hand can lead the modelled device (both as they are by default, \
              whatever the scene's) without the tip shaking by more than " (1e3 * QUIET_M) " mm. Marks: measured on the \

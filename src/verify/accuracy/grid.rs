@@ -28,6 +28,8 @@ const MOST_MATRIX_BYTES: usize = 1 << 28;
 /// Which methods are compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Coverage {
+    /// One and two rings, the paper's rate, the scene's contact: what a report has time for.
+    Brief,
     /// One to three rings and all, the paper's rate and five times that, the scene's contact and the velocity
     /// scheme on subdivision.
     Default,
@@ -65,6 +67,7 @@ pub fn grid(scene: &Scene, coverage: Coverage) -> Result<Grid, SceneError> {
     }
     let mut rates = vec![own.global_rate];
     let more: &[f64] = match coverage {
+        Coverage::Brief => &[PAPER_RATE_HZ],
         Coverage::Default => &[PAPER_RATE_HZ, 50.0],
         Coverage::All => &[PAPER_RATE_HZ, 20.0, 50.0, 100.0],
     };
@@ -147,7 +150,10 @@ fn other_contacts(coverage: Coverage) -> Vec<Touching> {
         Touching { surface, scheme }
     };
     let velocity = |surface| Touching { surface, scheme: Scheme::Velocity };
-    let mut contacts = vec![velocity(ContactSurface::Subdivision)];
+    let mut contacts = match coverage {
+        Coverage::Brief => Vec::new(),
+        Coverage::Default | Coverage::All => vec![velocity(ContactSurface::Subdivision)],
+    };
     if coverage == Coverage::All {
         contacts.extend([
             geometric(ContactSurface::Faceted, Deformation::Rigid),
@@ -162,7 +168,11 @@ fn other_contacts(coverage: Coverage) -> Vec<Touching> {
 fn local_models(coverage: Coverage) -> Vec<LocalSettings> {
     use Linearization::{None as Springs, Tangent};
     use TangentKind::{Exact, Stabilised};
-    let most_rings = if coverage == Coverage::All { 4 } else { 3 };
+    let most_rings = match coverage {
+        Coverage::Brief => 2,
+        Coverage::Default => 3,
+        Coverage::All => 4,
+    };
     let mut models = Vec::new();
     for rings in 1..=most_rings {
         let mut reaches = vec![Reach::All];

@@ -1,26 +1,26 @@
-//! `index.html` of an accuracy report.
+//! What a page says of local models.
 
 use maud::{Markup, PreEscaped, html};
 
 use super::super::page::{self, Row};
 use super::{AccuracyFile, sentences, table};
 
-pub fn page(file: &AccuracyFile) -> miette::Result<Markup> {
-    let title = format!("{}: accuracy of local models", file.scene);
+pub fn section(file: &AccuracyFile) -> miette::Result<Markup> {
     let row = |i: usize| {
         let cells = table::row(file, i);
         let special = if cells[1].is_empty() { "" } else { " special" };
         Row { class: Some(format!("{}{special}", file.points[i].status.name())), cells }
     };
-    let body = html! {
+    Ok(html! {
+        h2 #accuracy { "Accuracy of local models" }
         p {
-            "The scene's drag with one local model after the other, each held against the full network at the \
+            "The drag of " (file.scene) " with one local model after the other, each held against the full network at the \
              haptic rate with the same contact: what differs is the local model alone. Version "
             (env!("CARGO_PKG_VERSION")) "."
         }
         @for sentence in sentences(file) { p { (sentence) } }
         @for (k, reference) in file.references.iter().enumerate() {
-            h2 { (reference.contact) }
+            h3 { (reference.contact) }
             div.pair {
                 @for (figure, caption) in figures(file, k)? {
                     figure { (PreEscaped(figure)) figcaption { (caption) } }
@@ -28,15 +28,14 @@ pub fn page(file: &AccuracyFile) -> miette::Result<Markup> {
             }
             (page::table("methods", table::HEAD, rows(file, k).into_iter().map(row)))
         }
-        h2 { "Orders of the integrators" }
+        h3 { "Orders of the integrators" }
         p {
             "How fast the positions of a small block converge with the step, over a smooth motion, with the \
              largest distance of four logarithms of errors from the line laid through them; and, of the same block \
              without anything that holds it, how much of its momentum the tip's impulse does not account for."
         }
         (page::table("methods", table::ORDERS_HEAD, file.orders.iter().map(table::order)))
-    };
-    Ok(page::page(&title, &body))
+    })
 }
 
 /// Points of a reference, by their error; those that diverged last.
@@ -68,7 +67,7 @@ fn figures(file: &AccuracyFile, reference: usize) -> miette::Result<Vec<(String,
     let best = file.best.as_ref().map(|best| best.point);
     let of_reference = || file.points.iter().enumerate().filter(move |(_, point)| point.reference == reference);
     let figure = |title: &str, cost: &str, of: fn(&Point) -> Option<f64>, budget: f64| {
-        let front = super::front(file.points, file.references, reference, of);
+        let front = super::front(&file.points, &file.references, reference, of);
         let marks: Vec<Mark> = of_reference()
             .map(|(i, point)| {
                 let labels = [(best == Some(i), "best"), (point.is_paper, "paper"), (point.is_own, "scene")];

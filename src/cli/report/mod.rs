@@ -1,0 +1,241 @@
+//! `stickslip report`: the main job.
+
+mod crosscheck;
+mod provenance;
+mod runs;
+mod surfaces;
+mod verdict;
+mod view;
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use maud::{Markup, html};
+use serde::Serialize;
+
+use self::crosscheck::CrossCheck;
+use self::provenance::Origin;
+use self::runs::{Reported, RunEntry};
+use self::surfaces::SurfaceEntry;
+use self::verdict::{Outcome, Verdict};
+use super::accuracy::{self, AccuracyFile};
+use super::progress::Progress;
+use super::run::execute;
+use super::stability::{self, StabilityFile};
+use super::{FAIL, PASS, load, page, say, table};
+use crate::output::files::{write_file, write_json};
+use crate::output::frames::FrameRecorder;
+use crate::pipeline::Simulation;
+use crate::scene::{Expectation, SHIPPED, Scene, SceneError};
+
+#[derive(Debug, Args)]
+pub struct ReportArguments {
+    /// Scene files or names of shipped scenes (default: all shipped scenes)
+    #[arg(value_name = "SCENE")]
+    scenes: Vec<PathBuf>,
+    /// Where the report goes
+    #[arg(long, value_name = "DIR", default_value = "reports")]
+    out: PathBuf,
+    /// Only run the scenes: no contact surfaces, accuracy, stability and certificate (so it is where scenes are named)
+    #[arg(long)]
+    quick: bool,
+}
+
+impl Default for ReportArguments {
+    /// As without arguments.
+    fn default() -> Self {
+        Self { scenes: Vec::new(), out: "reports".into(), quick: false }
+    }
+}
+
+/// The drag that local models are compared on.
+const ACCURACY_SCENE: &str = "deep-stick-slip";
+/// Whose local step and servo loop are looked at.
+const LOOP_SCENE: &str = "fig5-stick-slip";
+/// How long the servo loop runs in real time, s.
+#[cfg(all(feature = "realtime", target_os = "linux"))]
+const CERTIFICATE_S: f64 = 5.0;
+
+/// `report.json`.
+#[derive(Serialize)]
+struct ReportFile<'a> {
+    provenance: &'a Origin,
+    verdicts: &'a [Verdict],
+    runs: Vec<RunEntry<'a>>,
+    /// Contact surfaces and schemes compared. This and what follows is absent where it was not asked for.
+    surfaces: Option<&'a [SurfaceEntry]>,
+    accuracy: Option<&'a AccuracyFile>,
+    stability: Option<&'a StabilityFile>,
+    certificate: Option<&'a serde_json::Value>,
+    crosscheck: Option<&'a CrossCheck>,
+}
+
+/// What only the whole report has.
+struct Studies {
+    surfaces: Vec<SurfaceEntry>,
+    accuracy: AccuracyFile,
+    stability: StabilityFile,
+    certificate: Option<serde_json::Value>,
+    sections: Vec<Markup>,
+    verdicts: Vec<Verdict>,
+}
+
+pub fn report(arguments: &ReportArguments) -> miette::Result<u8> {
+    let ReportArguments { scenes, out, quick } = arguments;
+    let is_whole = scenes.is_empty() && !quick;
+    let reported = run_all(&checked(scenes)?, out)?;
+    let studies = if is_whole { Some(Studies::make(out)?) } else { None };
+    let crosscheck = crosscheck::read();
+
+    let mut verdicts = runs::verdicts(&reported);
+    let left_out = match &studies {
+        Some(_) => Vec::new(),
+        None => vec!["contact surfaces", "accuracy", "stability", "certificate"],
+    };
+    let origin = Origin::new(&reported, left_out);
+    let mut sections = vec![runs::section(&reported), view::section(&reported)?];
+    let studies = studies.map(|mut studies| {
+        sections.append(&mut studies.sections);
+        verdicts.append(&mut studies.verdicts);
+        studies
+    });
+    verdicts.push(crosscheck::verdict(&crosscheck));
+    sections.extend([crosscheck::section(&crosscheck), provenance::section(&origin, &reported)]);
+    verdict::worst_first(&mut verdicts);
+
+    let studies = studies.as_ref();
+    let file = ReportFile {
+        provenance: &origin,
+        verdicts: &verdicts,
+        runs: reported.iter().map(Reported::entry).collect(),
+        surfaces: studies.map(|studies| studies.surfaces.as_slice()),
+        accuracy: studies.map(|studies| &studies.accuracy),
+        stability: studies.map(|studies| &studies.stability),
+        certificate: studies.and_then(|studies| studies.certificate.as_ref()),
+        crosscheck: crosscheck.as_ref().ok(),
+    };
+    write_json(&out.join("report.json"), &file)?;
+    write_file(&out.join("index.html"), whole_page(&verdicts, &sections).into_string().as_bytes())?;
+
+    say(table::runs(reported.iter().map(|r| (r.summary(), r.outcome()))))?;
+    say(verdict::lines(&verdicts))?;
+    say(format_args!("report: {}", out.join("index.html").display()))?;
+    let fails = verdicts.iter().any(|verdict| verdict.decides && verdict.outcome == Outcome::Fail);
+    Ok(if fails { FAIL } else { PASS })
+}
+
+/// All scenes are checked before the first one runs.
+fn checked(scenes: &[PathBuf]) -> miette::Result<Vec<(Scene, Expectation)>> {
+    let shipped = SHIPPED.iter().map(|shipped| shipped.name.into());
+    let scenes: Vec<PathBuf> = if scenes.is_empty() { shipped.collect() } else { scenes.to_vec() };
+    let scenes: Vec<(Scene, Expectation)> =
+        scenes.iter().map(|scene| load(scene)).collect::<Result<_, SceneError>>()?;
+    for (i, (scene, _)) in scenes.iter().enumerate() {
+        Simulation::prepare(scene)?;
+        if scenes[..i].iter().any(|(other, _)| other.name == scene.name) {
+            return Err(miette::miette!(
+                help = "give each scene a `name` of its own",
+                "two scenes are named {:?}, and both would write to that folder",
+                scene.name
+            ));
+        }
+    }
+    Ok(scenes)
+}
+
+fn run_all(scenes: &[(Scene, Expectation)], out: &Path) -> miette::Result<Vec<Reported>> {
+    let mut progress = Progress::new(scenes.iter().map(|(scene, _)| scene.tick_count).sum(), "ticks");
+    let mut reported = Vec::with_capacity(scenes.len());
+    for (scene, expectation) in scenes {
+        progress.begin(&scene.name);
+        let mut recorder = FrameRecorder::new(scene, view::share(scenes.len()));
+        let (run, _) = execute(scene, &out.join(&scene.name), |view| {
+            recorder.record(view);
+            progress.set(view.tick + 1);
+        })?;
+        progress.end(scene.tick_count);
+        reported.push(Reported::new(scene, run, *expectation, recorder.finish())?);
+    }
+    Ok(reported)
+}
+
+impl Studies {
+    /// One after the other, so that none disturbs the times of another.
+    fn make(out: &Path) -> miette::Result<Self> {
+        let surfaces = surfaces::compare()?;
+        let (accuracy, about_accuracy) = accuracy::brief(&shipped(ACCURACY_SCENE)?)?;
+        let (stability, about_stability) = stability::brief(&shipped(LOOP_SCENE)?)?;
+        let mut sections = vec![surfaces::section(&surfaces)?, about_accuracy, about_stability];
+        let mut verdicts = vec![accuracy_verdict(&accuracy), stability_verdict(&stability)];
+        let (certificate, about_certificate) = certificate(&mut verdicts, &out.join(LOOP_SCENE))?;
+        sections.push(about_certificate);
+        Ok(Self { surfaces, accuracy, stability, certificate, sections, verdicts })
+    }
+}
+
+fn shipped(name: &str) -> miette::Result<Scene> {
+    Scene::shipped(name).ok_or_else(|| miette::miette!("there is no shipped scene {name}"))
+}
+
+fn accuracy_verdict(file: &AccuracyFile) -> Verdict {
+    let (outcome, reason) = match (file.failure(), file.best_in_words()) {
+        (Some(failure), _) => (Outcome::Fail, failure),
+        (None, (true, best)) => (Outcome::Pass, best),
+        // Which methods are fast enough is the machine's doing.
+        (None, (false, none)) => (Outcome::Inconclusive, none),
+    };
+    Verdict { what: "accuracy".to_owned(), outcome, reason, decides: true, section: "accuracy" }
+}
+
+fn stability_verdict(file: &StabilityFile) -> Verdict {
+    let outcome = Outcome::pass_if(file.passes);
+    Verdict { what: "stability".to_owned(), outcome, reason: file.counts(), decides: true, section: "stability" }
+}
+
+/// A short one: for its section and its two verdicts, which say something of this machine.
+#[cfg(all(feature = "realtime", target_os = "linux"))]
+fn certificate(verdicts: &mut Vec<Verdict>, out: &Path) -> miette::Result<(Option<serde_json::Value>, Markup)> {
+    use miette::IntoDiagnostic;
+
+    use crate::realtime::certificate::Verdict as Found;
+
+    let (certificate, section) = super::certify::brief(&shipped(LOOP_SCENE)?, CERTIFICATE_S, out)?;
+    let outcome = |found: Found| match found {
+        Found::Pass => Outcome::Pass,
+        Found::Inconclusive => Outcome::Inconclusive,
+        Found::Fail => Outcome::Fail,
+    };
+    let mut add = |what: &str, found, reasons: &[String]| {
+        verdicts.push(Verdict {
+            what: format!("certificate, {what}"),
+            outcome: outcome(found),
+            reason: reasons.join("; "),
+            decides: false,
+            section: "certificate",
+        });
+    };
+    add("compute", certificate.compute.verdict, &certificate.compute.reasons);
+    add("platform", certificate.platform.verdict, &certificate.platform.reasons);
+    Ok((Some(serde_json::to_value(&certificate).into_diagnostic()?), section))
+}
+
+#[cfg(not(all(feature = "realtime", target_os = "linux")))]
+fn certificate(verdicts: &mut Vec<Verdict>, _: &Path) -> miette::Result<(Option<serde_json::Value>, Markup)> {
+    let reason = "this program was built without real time, which needs Linux and the feature `realtime`";
+    verdicts.push(Verdict {
+        what: "certificate".to_owned(),
+        outcome: Outcome::Inconclusive,
+        reason: reason.to_owned(),
+        decides: false,
+        section: "certificate",
+    });
+    Ok((None, html! { h2 #certificate { "Certificate of the servo loop" } p { "Not made: " (reason) "." } }))
+}
+
+fn whole_page(verdicts: &[Verdict], sections: &[Markup]) -> Markup {
+    let body = html! {
+        (verdict::list(verdicts))
+        @for about in sections { section { (about) } }
+    };
+    page::page("stickslip report", &body)
+}

@@ -1,0 +1,114 @@
+//! Contact surfaces and schemes compared, on a page.
+
+use maud::{Markup, PreEscaped, html};
+use serde::Serialize;
+
+use crate::cli::page;
+use crate::cli::progress::Progress;
+use crate::verify::surfaces::{self, Combination, Felt};
+
+/// How often the deep drags' block is divided.
+const REFINEMENTS: [usize; 2] = [1, 2];
+
+/// A row of the comparison, in `report.json` too.
+#[derive(Serialize)]
+pub struct SurfaceEntry {
+    drag: &'static str,
+    surface: &'static str,
+    scheme: &'static str,
+    spacing_m: f64,
+    #[serde(flatten)]
+    felt: Felt,
+}
+
+/// Runs every combination.
+pub fn compare() -> miette::Result<Vec<SurfaceEntry>> {
+    let grid: Vec<Combination> = REFINEMENTS.into_iter().flat_map(surfaces::grid).collect();
+    let mut progress = Progress::new(grid.iter().map(|combination| combination.scene.tick_count).sum(), "ticks");
+    let mut compared = Vec::with_capacity(grid.len());
+    for Combination { drag, surface, scheme, spacing_m, scene } in &grid {
+        progress.begin(&scene.name);
+        let felt = surfaces::feel(scene, |ticks| progress.set(ticks)).map_err(|error| miette::miette!("{error}"))?;
+        progress.end(scene.tick_count);
+        compared.push(SurfaceEntry { drag, surface, scheme, spacing_m: *spacing_m, felt });
+    }
+    Ok(compared)
+}
+
+#[cfg(feature = "plots")]
+fn figure(compared: &[SurfaceEntry]) -> miette::Result<String> {
+    use crate::output::plots::{Jump, jumps};
+    let columns: Vec<String> = surfaces::SURFACES
+        .iter()
+        .flat_map(|(surface, _)| surfaces::SCHEMES.iter().map(move |(scheme, _)| format!("{surface} {scheme}")))
+        .collect();
+    let series = surfaces::DRAGS;
+    let coarse = compared.iter().map(|entry| entry.spacing_m).fold(0.0, f64::max);
+    let marks: Vec<Jump> = compared
+        .iter()
+        .map(|entry| {
+            let name = format!("{} {}", entry.surface, entry.scheme);
+            Jump {
+                column: columns.iter().position(|column| *column == name).unwrap_or(0),
+                series: series.iter().position(|drag| *drag == entry.drag).unwrap_or(0),
+                hollow: entry.spacing_m < coarse,
+                relative: entry.felt.jump_relative,
+            }
+        })
+        .collect();
+    jumps(&columns, &series, &marks).map_err(|error| miette::miette!("cannot draw the jumps: {error}"))
+}
+
+#[cfg(not(feature = "plots"))]
+fn figure(_: &[SurfaceEntry]) -> miette::Result<String> {
+    Ok(String::new())
+}
+
+const HEAD: [&str; 11] = [
+    "drag",
+    "surface, scheme",
+    "spacing (mm)",
+    "mean force (N)",
+    "largest jump (N)",
+    "jump / force",
+    "power above 100 Hz (N²)",
+    "ripple over the mesh",
+    "losses",
+    "mode switches (1/s)",
+    "energy residual",
+];
+
+fn row(entry: &SurfaceEntry) -> [String; 11] {
+    let percent = |value: f64| format!("{:.2} %", 100.0 * value);
+    let felt = &entry.felt;
+    [
+        entry.drag.to_owned(),
+        format!("{}, {}", entry.surface, entry.scheme),
+        format!("{:.2}", 1e3 * entry.spacing_m),
+        format!("{:.3}", felt.mean_force_n),
+        format!("{:.4}", felt.largest_jump_n),
+        percent(felt.jump_relative),
+        format!("{:.1e}", felt.power_above_100_hz_n2),
+        felt.mesh_ripple_relative.map_or("–".to_owned(), percent),
+        felt.contact_losses.to_string(),
+        format!("{:.1}", felt.mode_switches_per_s),
+        felt.fault.clone().unwrap_or_else(|| percent(felt.energy_residual_relative)),
+    ]
+}
+
+pub fn section(compared: &[SurfaceEntry]) -> miette::Result<Markup> {
+    let figure = figure(compared)?;
+    Ok(html! {
+        h2 #surfaces { "Contact surfaces and schemes" }
+        p {
+            "The deep drags with the whole network at the haptic rate, so that nothing but the contact \
+             differs, over two meshes of the same block, from the end of the press on. Filled marks: the \
+             coarser mesh."
+        }
+        figure { (PreEscaped(figure)) figcaption { "Largest change of force between two ticks over the mean force." } }
+        details {
+            summary { "The numbers" }
+            (page::table("", HEAD, compared.iter().map(row)))
+        }
+    })
+}
