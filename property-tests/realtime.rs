@@ -13,7 +13,7 @@ use stickslip::realtime::meter::{Meter, TickTimes};
 use stickslip::realtime::record::{Recorded, record};
 use stickslip::realtime::threads::{Obtained, Served, Window};
 use stickslip::scene::Scene;
-use stickslip::session::{RecordedPass, Replayed, Session, replay};
+use stickslip::session::{RecordedPass, Replayed, Session, Why, replay};
 use stickslip::timeline::{Fate, OverrunPolicy};
 use stickslip::verify::certificate::causes::Cause;
 use stickslip::verify::lateness::consequences;
@@ -146,7 +146,7 @@ fn served(ticks: impl Iterator<Item = [u64; 3]> + Clone, deadline_ns: u64, polic
 }
 
 fn worst(cold_ns: u64) -> WorstTick {
-    let why = "most CPU time".to_owned();
+    let why = Why::MostCpuTime;
     WorstTick { pass: 0, tick: 5, why, times: None, warm_ns: [1000, 1200], cold_ns: [cold_ns, cold_ns] }
 }
 

@@ -21,7 +21,7 @@ use crate::dynamics::global::{
 use crate::model::condensation::CondensationCounts;
 use crate::model::local::LocalModelBuilder;
 use crate::model::mesh::Mesh;
-use crate::model::network::Network;
+use crate::model::network::{Network, State};
 use crate::model::patch::Extent;
 use crate::model::surface::Surface;
 use crate::model::work::WorkCounts;
@@ -61,6 +61,10 @@ pub struct TickView<'a> {
     pub has_deadlines: bool,
     /// The local side, at the end of the tick.
     pub local: &'a LocalSimulation,
+    /// The full model.
+    pub network: &'a Network,
+    /// The network as the global side left it at the last boundary.
+    pub network_state: &'a State,
     /// Age of the model that did it, ticks.
     pub model_age: u64,
     /// Energies at its end.
@@ -353,7 +357,7 @@ impl Lockstep {
         mark: &mut impl FnMut(Moment),
         observe: &mut impl FnMut(&TickView),
     ) -> Result<(), Fault> {
-        let Simulation { global, servo, timeline, tick: step, is_full, .. } = &mut self.simulation;
+        let Simulation { global, network, servo, timeline, tick: step, is_full, .. } = &mut self.simulation;
         let fate = timeline.fate(servo.next_tick());
         mark(Moment::TickBegins);
         let done = servo.tick(fate)?;
@@ -375,6 +379,8 @@ impl Lockstep {
             fate,
             has_deadlines: !matches!(timeline, Timeline::Ideal { .. }),
             local,
+            network,
+            network_state: global.simulation.state(),
             model_age: if *is_full { 0 } else { done.model_age },
             energy: &self.energy,
             work: local.state().work + global.simulation.work(),

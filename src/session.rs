@@ -90,7 +90,44 @@ pub struct TickToReplay {
     /// Counted from 0 in its pass.
     pub tick: u64,
     /// Why it is here.
-    pub why: String,
+    pub why: Why,
+}
+
+/// What makes a tick worth another look.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Why {
+    /// From the start of its tick to its command.
+    #[serde(rename = "longest response")]
+    LongestResponse,
+    /// Of the servo thread.
+    #[serde(rename = "most CPU time")]
+    MostCpuTime,
+    /// The tip meets the surface.
+    #[serde(rename = "contact onset")]
+    ContactOnset,
+    /// The contact point goes to another triangle.
+    #[serde(rename = "edge crossed")]
+    EdgeCrossed,
+    /// The first tick of a model, in contact.
+    #[serde(rename = "model handed over")]
+    HandOver,
+    /// Long after everything has decayed, where subnormal numbers would show.
+    #[serde(rename = "rest after long decay")]
+    Rest,
+}
+
+impl Why {
+    /// As it is said in files and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Why::LongestResponse => "longest response",
+            Why::MostCpuTime => "most CPU time",
+            Why::ContactOnset => "contact onset",
+            Why::EdgeCrossed => "edge crossed",
+            Why::HandOver => "model handed over",
+            Why::Rest => "rest after long decay",
+        }
+    }
 }
 
 /// A recorded session: the scene, what decides how it went, and what came out.

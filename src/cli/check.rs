@@ -7,7 +7,8 @@ use clap::Args;
 use serde::Serialize;
 
 use super::progress::Progress;
-use super::{FAIL, PASS, load, say, table, time};
+use super::terminal::{hand_out, say, wants_json};
+use super::{FAIL, PASS, load, table, time};
 use crate::output::files::{WriteError, write_json};
 use crate::scene::{SHIPPED, Scene, SceneError};
 use crate::verify::accept::accept;
@@ -66,6 +67,16 @@ struct CheckFile<'a> {
     scenes: &'a [Checked],
 }
 
+/// What `--accept` did.
+#[derive(Serialize)]
+struct Accepted<'a> {
+    scene: &'a str,
+    /// Where the new one is; absent if nothing differs.
+    baseline: Option<PathBuf>,
+    /// Quantities that had another value.
+    replaced: usize,
+}
+
 /// A scene with its verdict.
 #[derive(Serialize)]
 pub struct Checked {
@@ -115,6 +126,9 @@ fn verdict(passes: bool) -> &'static str {
 }
 
 pub fn check(arguments: &CheckArguments) -> miette::Result<u8> {
+    if arguments.time && wants_json() {
+        return Err(miette::miette!(help = "leave out --json, or --time", "times are printed as text only"));
+    }
     if let (Some(scene), Some(reason)) = (&arguments.accept, &arguments.reason) {
         return accept_results(scene, reason, arguments.baselines.as_deref());
     }
@@ -148,6 +162,7 @@ pub fn check(arguments: &CheckArguments) -> miette::Result<u8> {
     let file = CheckFile { version: env!("CARGO_PKG_VERSION"), verdict: verdict(passes), baselines, scenes: &checked };
     write_json(&out.join("check.json"), &file)?;
 
+    hand_out(&file)?;
     say(table::checked(&checked))?;
     if let Some(table) = table::changed(&checked) {
         say(table)?;
@@ -180,13 +195,16 @@ fn accept_results(scene: &Path, reason: &str, folder: Option<&Path>) -> miette::
         return Ok(FAIL);
     }
     let present = Store::Folder(folder.to_owned()).load(&scene.name);
+    let mut found = Accepted { scene: &scene.name, baseline: None, replaced: 0 };
     match accept(present, &scene, results, reason)? {
         None => say(format_args!("{}: nothing differs from the baseline, which stays as it is", scene.name))?,
         Some(baseline) => {
             let path = baseline.save(folder)?;
             let replaced = baseline.accepted.last().map_or(0, |acceptance| acceptance.previous.len());
             say(format_args!("{}: accepted, {replaced} quantities changed, in {}", scene.name, path.display()))?;
+            found = Accepted { baseline: Some(path), replaced, ..found };
         }
     }
+    hand_out(&found)?;
     Ok(PASS)
 }

@@ -7,7 +7,8 @@ use std::path::Path;
 use serde::Serialize;
 
 use self::device::DeviceFacts;
-use super::{PASS, load, say};
+use super::terminal::{hand_out, say};
+use super::{PASS, load};
 use crate::Vec3;
 use crate::dynamics::global::SyncMode;
 use crate::dynamics::integrators::GlobalIntegrator;
@@ -119,14 +120,10 @@ impl Step {
     }
 }
 
-pub fn explain(scene: &Path, json: bool) -> miette::Result<u8> {
+pub fn explain(scene: &Path) -> miette::Result<u8> {
     let explanation = explanation(&load(scene)?.0)?;
-    if json {
-        let json = serde_json::to_string_pretty(&explanation).map_err(|error| miette::miette!("{error}"))?;
-        say(json)?;
-    } else {
-        say(text(&explanation))?;
-    }
+    hand_out(&explanation)?;
+    say(text(&explanation))?;
     Ok(PASS)
 }
 

@@ -8,6 +8,7 @@ mod check;
 mod explain;
 #[cfg(all(feature = "realtime", target_os = "linux"))]
 mod interrupt;
+mod manual;
 mod page;
 mod progress;
 mod replay;
@@ -15,17 +16,17 @@ mod report;
 mod run;
 mod stability;
 mod table;
+mod terminal;
 mod tick_timing;
 mod time;
 
-use std::fmt::Display;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
 use self::report::ReportArguments;
+use self::terminal::{Asked, say};
 use crate::output::files::WriteError;
 use crate::scene::{Expectation, SHIPPED, Scene, SceneError};
 
@@ -52,6 +53,8 @@ const USAGE: u8 = 2;
 struct Arguments {
     #[command(subcommand)]
     command: Option<Command>,
+    #[command(flatten)]
+    asked: Asked,
 }
 
 #[derive(Debug, Subcommand)]
@@ -67,23 +70,15 @@ enum Command {
     )]
     Report(report::ReportArguments),
     /// Run one scene: trace, network, summary and force plot
-    #[command(after_help = "Writes trace.csv (a row per tick), network.json, summary.json and forces.svg.\n\n\
+    #[command(after_help = "Writes trace.csv (a row per tick), network.json, summary.json and forces.svg; with --vtk \
+        also network.pvd and instrument.pvd with their frames.\n\n\
         Exit code 0: it reached its duration; 1: a fault ended it (the rows before it are kept), or the tip passed \
         through the surface; 2: the scene or the output folder is not as it should be.\n\nExample: stickslip run fig5-stick-slip --out /tmp/fig5")]
-    Run {
-        /// A scene file or the name of a shipped scene
-        scene: PathBuf,
-        /// Where the files go (default: reports/<scene name>)
-        #[arg(long, value_name = "DIR")]
-        out: Option<PathBuf>,
-    },
+    Run(run::RunArguments),
     /// Show what a scene needs, what is left out, what it costs and how long its steps may be
     Explain {
         /// A scene file or the name of a shipped scene
         scene: PathBuf,
-        /// Print JSON instead of text
-        #[arg(long)]
-        json: bool,
     },
     /// How long steps may be, measured against predicted limits, virtual walls, and scenes that go to extremes
     #[command(
@@ -141,6 +136,21 @@ enum Command {
         /// A recorded session
         file: PathBuf,
     },
+    /// Print a script that completes commands and options in a shell
+    #[command(
+        after_help = "Example: stickslip completions bash > ~/.local/share/bash-completion/completions/stickslip"
+    )]
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+    /// Print the manual page, or write one for every command
+    #[command(after_help = "Example: stickslip man --out ~/.local/share/man/man1")]
+    Man {
+        /// Folder for a page of every command
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
 }
 
 fn after_help() -> String {
@@ -155,17 +165,20 @@ fn after_help() -> String {
 
 /// Parses the arguments and does what they say.
 pub fn main() -> ExitCode {
-    let command = Arguments::parse().command;
+    let Arguments { command, asked } = Arguments::parse();
+    terminal::ask(asked);
     let done = match command.unwrap_or_else(|| Command::Report(ReportArguments::default())) {
         Command::Report(arguments) => report::report(&arguments),
-        Command::Run { scene, out } => run::run(&scene, out),
+        Command::Run(arguments) => run::run(&arguments),
         Command::Stability { scene, out } => stability::stability(&scene, out),
-        Command::Explain { scene, json } => explain::explain(&scene, json),
+        Command::Explain { scene } => explain::explain(&scene),
         Command::Check(arguments) => check::check(&arguments),
         Command::Accuracy(arguments) => accuracy::accuracy(&arguments),
         #[cfg(all(feature = "realtime", target_os = "linux"))]
         Command::Certify(arguments) => certify::certify(&arguments),
         Command::Replay { file } => replay::replay(&file),
+        Command::Completions { shell } => manual::completions(shell),
+        Command::Man { out } => manual::man(out.as_deref()),
     };
     match done {
         Ok(code) => ExitCode::from(code),
@@ -192,16 +205,5 @@ fn folder(out: Option<PathBuf>, scene: &Scene) -> Result<PathBuf, WriteError> {
     match std::fs::create_dir_all(&out) {
         Ok(()) => Ok(out),
         Err(source) => Err(WriteError { path: out, source }),
-    }
-}
-
-/// Prints a line. That nobody reads on is no error.
-fn say(text: impl Display) -> miette::Result<()> {
-    let mut stdout = std::io::stdout().lock();
-    match writeln!(stdout, "{text}").and_then(|()| stdout.flush()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(miette::miette!("cannot write to standard output: {error}"))
-        }
-        _ => Ok(()),
     }
 }

@@ -5,6 +5,8 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use super::terminal::shows_progress;
+
 /// Work shorter than this goes without.
 const PATIENCE: Duration = Duration::from_secs(2);
 
@@ -41,7 +43,9 @@ impl Progress {
 
     fn show(&mut self) {
         if !self.shown && self.start.elapsed() > PATIENCE {
-            self.bar.set_draw_target(ProgressDrawTarget::stderr());
+            if shows_progress() {
+                self.bar.set_draw_target(ProgressDrawTarget::stderr());
+            }
             self.shown = true;
         }
     }

@@ -3,20 +3,38 @@
 use std::path::Path;
 
 use comfy_table::{Table, presets::UTF8_FULL_CONDENSED};
+use serde::Serialize;
 
 use super::progress::Progress;
+use super::terminal::{hand_out, say};
 use super::tick_timing::{TimedTick, time_ticks};
-use super::{FAIL, PASS, say};
+use super::{FAIL, PASS};
 use crate::pipeline::Simulation;
 use crate::session::{self, Replayed, Session};
+
+/// What `replay` found, for programs.
+#[derive(Serialize)]
+struct Found<'a> {
+    /// Whether every pass came out the same, to the bit.
+    same: bool,
+    passes: &'a [Went],
+    worst: &'a [TimedTick],
+}
+
+/// How one pass went.
+#[derive(Serialize)]
+struct Went {
+    pass: u32,
+    same: bool,
+    how: String,
+}
 
 pub fn replay(file: &Path) -> miette::Result<u8> {
     let session = Session::load(file)?;
     let scene = session.scene()?;
     Simulation::prepare(&scene)?;
     let mut progress = Progress::new(session.passes.iter().map(|pass| pass.ticks).sum(), "ticks");
-    let mut all_same = true;
-    let mut lines = Vec::new();
+    let mut passes = Vec::new();
     for pass in &session.passes {
         progress.begin(&format!("pass {}", pass.pass));
         let simulation = session.prepare(&scene, pass)?;
@@ -34,18 +52,19 @@ pub fn replay(file: &Path) -> miette::Result<u8> {
                 (false, format!("ENDED after {ticks} of {} ticks: {why}", pass.ticks))
             }
         };
-        all_same &= is_same;
-        lines.push(format!("pass {}: {words}", pass.pass));
+        passes.push(Went { pass: pass.pass, same: is_same, how: words });
     }
     drop(progress);
-    for line in lines {
-        say(line)?;
+    for Went { pass, how, .. } in &passes {
+        say(format_args!("pass {pass}: {how}"))?;
     }
-    if !session.worst.is_empty() {
-        let timed = time_ticks(&session, &scene)?;
+    let timed = if session.worst.is_empty() { Vec::new() } else { time_ticks(&session, &scene)? };
+    if !timed.is_empty() {
         say(table(&timed))?;
     }
-    Ok(if all_same { PASS } else { FAIL })
+    let same = passes.iter().all(|pass| pass.same);
+    hand_out(&Found { same, passes: &passes, worst: &timed })?;
+    Ok(if same { PASS } else { FAIL })
 }
 
 /// Ticks that were timed again.
@@ -63,7 +82,7 @@ pub fn table(timed: &[TimedTick]) -> Table {
         table.add_row([
             tick.tick.pass.to_string(),
             tick.tick.tick.to_string(),
-            tick.tick.why.clone(),
+            tick.tick.why.name().to_owned(),
             us(tick.warm_ns),
             us(tick.cold_ns),
         ]);

@@ -1,27 +1,63 @@
 //! `stickslip run`.
 
+use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
 
+use clap::Args;
+
 use super::progress::Progress;
-use super::{FAIL, PASS, load, say, table};
+use super::terminal::{hand_out, say};
+use super::{FAIL, PASS, folder, load, table};
 use crate::output::files::{FinishedRun, run_into};
-use crate::pipeline::TickView;
+use crate::output::vtk::VtkWriter;
+use crate::pipeline::{Simulation, TickView};
 use crate::scene::{Scene, Schedule};
 
-pub fn run(scene: &Path, out: Option<PathBuf>) -> miette::Result<u8> {
-    let (scene, _) = load(scene)?;
-    let out = out.unwrap_or_else(|| Path::new("reports").join(&scene.name));
+/// Ticks from one frame to the next where none are given: 50 frames a second at 1 kHz.
+const FRAME_TICKS: &str = "20";
+
+#[derive(Debug, Args)]
+pub struct RunArguments {
+    /// A scene file or the name of a shipped scene
+    scene: PathBuf,
+    /// Where the files go (default: reports/<scene name>)
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Also write network.pvd and instrument.pvd for ParaView, a frame in so many ticks (20 if no number is given)
+    #[arg(long, value_name = "TICKS", num_args = 0..=1, require_equals = true, default_missing_value = FRAME_TICKS)]
+    vtk: Option<NonZeroU64>,
+}
+
+pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
+    let (scene, _) = load(&arguments.scene)?;
+    let out = arguments.out.clone().unwrap_or_else(|| Path::new("reports").join(&scene.name));
+    // A folder is made for a scene that can start only.
+    let mut frames = match arguments.vtk {
+        Some(ticks) => {
+            Simulation::prepare(&scene)?;
+            Some(VtkWriter::new(&folder(Some(out.clone()), &scene)?, ticks.get())?)
+        }
+        None => None,
+    };
     let mut progress = Progress::new(scene.tick_count, "ticks");
     progress.begin(&scene.name);
-    let (finished, is_same) = execute(&scene, &out, |view| progress.set(view.tick + 1))?;
+    let (finished, is_same) = execute(&scene, &out, |view| {
+        frames.iter_mut().for_each(|frames| frames.record(view));
+        progress.set(view.tick + 1);
+    })?;
     drop(progress);
+    let frames = frames.map(VtkWriter::finish).transpose()?;
     let outcome = match (finished.summary.completed, finished.summary.passes()) {
         (false, _) => "fault",
         (true, false) => "tunnelled",
         (true, true) => "completed",
     };
+    hand_out(&finished.summary)?;
     say(table::runs([(&finished.summary, outcome)]))?;
     say(format_args!("{} ticks in {}", finished.summary.ticks, out.display()))?;
+    if let Some(frames) = frames {
+        say(format_args!("{frames} frames for ParaView: {}", out.join("network.pvd").display()))?;
+    }
     if let Some(counts) = &finished.summary.condensation {
         say(counts)?;
     }
@@ -44,7 +80,8 @@ pub fn execute(scene: &Scene, out: &Path, watch: impl FnMut(&TickView)) -> miett
 mod real_time {
     use std::path::Path;
 
-    use super::super::{interrupt, say};
+    use super::super::interrupt;
+    use super::super::terminal::say;
     use crate::output::files::{FinishedRun, write_json, write_run};
     use crate::pipeline::TickView;
     use crate::realtime::record::{Quantiles, record};

@@ -15,7 +15,8 @@ use serde::Serialize;
 
 use super::page::{self, Row};
 use super::progress::Progress;
-use super::{FAIL, PASS, folder, load, say};
+use super::terminal::{hand_out, say};
+use super::{FAIL, PASS, folder, load};
 use crate::output::files::{write_file, write_json};
 use crate::pipeline::Simulation;
 use crate::scene::Scene;
@@ -73,6 +74,7 @@ pub fn stability(scene: &Path, out: Option<PathBuf>) -> miette::Result<u8> {
     let page = page::page(&format!("stickslip: stability of {}", scene.name), &section(&file)?);
     write_file(&out.join("index.html"), page.into_string().as_bytes())?;
 
+    hand_out(&file)?;
     say(extremes_table(&file.extremes))?;
     match &file.no_maps {
         Some(reason) => say(format_args!("no maps: {reason}"))?,

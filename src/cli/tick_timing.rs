@@ -10,7 +10,7 @@ use crate::contact::law::Mode;
 use crate::pipeline::{Lockstep, Simulation, TickView};
 use crate::scene::{Scene, SceneError};
 use crate::servo::Servo;
-use crate::session::{RecordedPass, Session, TickToReplay};
+use crate::session::{RecordedPass, Session, TickToReplay, Why};
 use crate::timeline::Fate;
 
 /// Repetitions with warm and with cold caches.
@@ -71,16 +71,16 @@ fn step(run: &mut Lockstep, observe: &mut impl FnMut(&TickView)) -> bool {
 /// The first tick of every kind in a pass.
 fn kinds(simulation: Simulation, pass: &RecordedPass) -> Vec<TickToReplay> {
     let mut run = Lockstep::new(simulation);
-    let mut first: Vec<(&'static str, u64)> = Vec::new();
+    let mut first: Vec<(Why, u64)> = Vec::new();
     let mut triangle = None;
     let mut is_going = true;
     while is_going && run.servo().next_tick() < pass.ticks {
         is_going = step(&mut run, &mut |view| {
             let now = view.report.touch.map(|touch| touch.point.triangle);
             let found = [
-                ("contact onset", view.report.collision_time.is_some()),
-                ("edge crossed", triangle.is_some() && now.is_some() && now != triangle),
-                ("model handed over", view.tick > 0 && view.model_age == 0 && view.report.mode != Mode::Free),
+                (Why::ContactOnset, view.report.collision_time.is_some()),
+                (Why::EdgeCrossed, triangle.is_some() && now.is_some() && now != triangle),
+                (Why::HandOver, view.tick > 0 && view.model_age == 0 && view.report.mode != Mode::Free),
             ];
             triangle = now;
             for (why, _) in found.iter().filter(|(_, is_so)| *is_so && view.fate != Fate::Skipped) {
@@ -90,7 +90,7 @@ fn kinds(simulation: Simulation, pass: &RecordedPass) -> Vec<TickToReplay> {
             }
         });
     }
-    first.iter().map(|&(why, tick)| TickToReplay { pass: pass.pass, tick, why: why.to_owned() }).collect()
+    first.iter().map(|&(why, tick)| TickToReplay { pass: pass.pass, tick, why }).collect()
 }
 
 /// A network that has come to rest, untouched: the place where subnormal numbers would show.
@@ -101,7 +101,7 @@ fn at_rest(simulation: Simulation, pass: u32, cache: &mut [u64]) -> Option<Timed
         let tip = servo.tip();
         servo.compute(tip).ok()?;
     }
-    let tick = TickToReplay { pass, tick: 0, why: "rest after long decay".to_owned() };
+    let tick = TickToReplay { pass, tick: 0, why: Why::Rest };
     Some(time(&servo, tick, cache))
 }
 

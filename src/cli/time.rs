@@ -7,7 +7,8 @@ use std::time::Instant;
 use miette::{IntoDiagnostic, WrapErr};
 use tempfile::TempDir;
 
-use super::{FAIL, PASS, say};
+use super::terminal::say;
+use super::{FAIL, PASS};
 use crate::verify::paired::Median;
 
 /// Rounds that are not counted: files and code get into the caches.

@@ -15,5 +15,6 @@ pub mod precision;
 pub mod spectrum;
 pub mod summary;
 pub mod trace;
+pub mod vtk;
 #[cfg(feature = "plots")]
 pub mod z_width;

@@ -8,6 +8,7 @@ use super::machine::Machine;
 use super::meter::{Meter, Miss, TickTimes};
 use super::record::Quantiles;
 use super::threads::{Obtained, Served, Window};
+use crate::session::Why;
 use crate::timeline::OverrunPolicy;
 use crate::verify::certificate::bounds::{Independence, RateBound, Trials, Untested, ljung_box};
 use crate::verify::certificate::causes::{Cause, Missed, StealSample, steal_grew};
@@ -53,7 +54,7 @@ pub struct WorstTick {
     /// Counted from 0 in its pass.
     pub tick: u64,
     /// Why it is here.
-    pub why: String,
+    pub why: Why,
     /// As it went; absent for a tick that is here for its kind.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     pub times: Option<TickTimes>,

@@ -2,10 +2,12 @@
 
 use std::sync::atomic::AtomicBool;
 
+use miette::Diagnostic;
 use serde::Serialize;
+use thiserror::Error;
 
 use super::meter::{Meter, Times};
-use super::threads::{LoopSettings, Obtained, Pass, Served, Window, serve};
+use super::threads::{LoopSettings, NotServed, Obtained, Pass, Served, Window, serve};
 use crate::pipeline::Simulation;
 use crate::scene::{Scene, SceneError};
 use crate::session::{RecordedPass, Session};
@@ -113,19 +115,29 @@ pub fn recorded_pass(number: u32, pass: Pass) -> RecordedPass {
     }
 }
 
+/// Why there is no recording.
+#[derive(Debug, Error, Diagnostic)]
+pub enum RecordError {
+    /// The scene.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Scene(#[from] SceneError),
+    /// The loop.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Loop(#[from] NotServed),
+}
+
 /// Runs a scene in real time; `stop` ends it at the next tick.
 ///
 /// # Errors
-/// If the scene cannot start.
-///
-/// # Panics
-/// If a thread of the loop did.
-pub fn record(scene: &Scene, stop: &AtomicBool) -> Result<Recorded, SceneError> {
+/// If the scene cannot start, or the loop left nothing.
+pub fn record(scene: &Scene, stop: &AtomicBool) -> Result<Recorded, RecordError> {
     let simulation = Simulation::prepare(scene)?;
     let warm_up = simulation.clone().into_loops().0;
     let settings = loop_settings(scene, &simulation, false);
     let pass = Pass::new(simulation, scene.tick_count, true);
-    let mut served = serve(vec![pass], warm_up, settings, stop).expect("threads of the loop do not panic");
+    let mut served = serve(vec![pass], warm_up, settings, stop)?;
     let mut session = Session::new(scene, scene.deadline.overrun);
     let passes = std::mem::take(&mut served.passes);
     session.passes = (0..).zip(passes).map(|(number, pass)| recorded_pass(number, pass)).collect();

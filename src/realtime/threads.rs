@@ -3,7 +3,9 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use miette::Diagnostic;
 use serde::Serialize;
+use thiserror::Error;
 
 use super::allocations;
 use super::channel::{GlobalEnd, ServoEnd, channel};
@@ -151,14 +153,34 @@ pub struct Served {
     pub fault: Option<Fault>,
 }
 
+/// Why a loop left nothing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error, Diagnostic)]
+pub enum NotServed {
+    /// There was nothing to run.
+    #[error("there is no pass to run in real time")]
+    NoPass,
+    /// One of its threads did not come back.
+    #[error("a thread of the loop ended in a panic")]
+    #[diagnostic(help("this is a defect of the program: please report it, with the scene"))]
+    Panicked,
+}
+
 /// Runs passes one after the other against the clock. The last of the CPUs that this thread may use is the servo
-/// thread's; `stop` ends the loop at the next tick. `None` if there is no pass, or a thread panicked.
-pub fn serve(passes: Vec<Pass>, warm_up: Servo, settings: LoopSettings, stop: &AtomicBool) -> Option<Served> {
+/// thread's; `stop` ends the loop at the next tick.
+///
+/// # Errors
+/// If there is no pass, or a thread panicked.
+pub fn serve(
+    passes: Vec<Pass>,
+    warm_up: Servo,
+    settings: LoopSettings,
+    stop: &AtomicBool,
+) -> Result<Served, NotServed> {
     let mut refused = Vec::new();
     let ticks = passes.iter().map(|pass| pass.ticks).sum();
     let deadline_ns = nanoseconds(settings.deadline.after);
     let mut meter = Meter::new(ticks, deadline_ns);
-    let first_nodes = passes.first()?.servo.local().model().patch.nodes.clone();
+    let first_nodes = passes.first().ok_or(NotServed::NoPass)?.servo.local().model().patch.nodes.clone();
     let (servo_end, global_end) = channel(settings.cycle_ticks, settings.keep, &first_nodes);
     let mut passes = passes;
     let sides: Vec<_> = passes.iter_mut().map(|pass| (pass.global.take(), pass.ticks)).collect();
@@ -196,12 +218,12 @@ pub fn serve(passes: Vec<Pass>, warm_up: Servo, settings: LoopSettings, stop: &A
         let served = servo.join();
         done.store(true, Ordering::Release);
         let built = builder.join();
-        built.ok().and(served.ok())
+        built.and(served).map_err(|_| NotServed::Panicked)
     });
     os::unlock_memory();
     let (passes, meter, window, obtained, stopped) = served?;
     let fault = passes.iter().find_map(|pass| pass.fault);
-    Some(Served { passes, meter, window, obtained, stopped, fault })
+    Ok(Served { passes, meter, window, obtained, stopped, fault })
 }
 
 fn nanoseconds(seconds: f64) -> u64 {

@@ -16,7 +16,8 @@ use serde::Serialize;
 
 use self::clock::{Cost, Stopwatch};
 use super::progress::Progress;
-use super::{FAIL, PASS, folder, load, page, say};
+use super::terminal::{hand_out, say};
+use super::{FAIL, PASS, folder, load, page};
 use crate::model::condensation::CondensationCounts;
 use crate::model::work::WorkCounts;
 use crate::output::files::{write_file, write_json};
@@ -174,6 +175,7 @@ pub fn accuracy(arguments: &AccuracyArguments) -> miette::Result<u8> {
     let title = format!("{}: accuracy of local models", file.scene);
     write_file(&out.join("index.html"), page::page(&title, &section::section(&file)?).into_string().as_bytes())?;
 
+    hand_out(&file)?;
     say(table::points(&file))?;
     say(table::orders(&file))?;
     for line in sentences(&file) {

@@ -10,8 +10,9 @@ use clap::{Args, ValueEnum};
 use maud::Markup;
 
 use super::progress::Progress;
+use super::terminal::{hand_out, say};
 use super::tick_timing::{TimedTick, time_ticks};
-use super::{FAIL, INCONCLUSIVE, PASS, folder, interrupt, load, say};
+use super::{FAIL, INCONCLUSIVE, PASS, folder, interrupt, load};
 use crate::output::files::{write_file, write_json};
 use crate::pipeline::Simulation;
 use crate::realtime::certificate::{Certificate, Circumstances, Verdict, WorstTick};
@@ -22,7 +23,7 @@ use crate::realtime::os;
 use crate::realtime::record::{loop_settings, recorded_pass};
 use crate::realtime::threads::{Pass, Served, serve};
 use crate::scene::{Scene, SceneError};
-use crate::session::{Replayed, Session, TickToReplay, replay};
+use crate::session::{Replayed, Session, TickToReplay, Why, replay};
 use crate::timeline::OverrunPolicy;
 use crate::verify::certificate::causes::StealSample;
 use crate::verify::lateness::consequences;
@@ -74,6 +75,7 @@ pub fn certify(arguments: &CertifyArguments) -> miette::Result<u8> {
     let scene = asked_for(arguments)?;
     let out = folder(arguments.out.clone(), &scene)?;
     let (certificate, _) = measure(&scene, arguments.duration, arguments.load, &out)?;
+    hand_out(&certificate)?;
     say(page::words(&certificate))?;
     say(format_args!("certificate: {}", out.join("certificate.md").display()))?;
     Ok(match certificate.verdict() {
@@ -145,7 +147,7 @@ fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette
         watched(duration_s, &mut progress, ticks, || serve(passes, warm_up.into_loops().0, settings, stop));
     drop(load);
     drop(progress);
-    let mut served = served.ok_or_else(|| miette::miette!("a thread of the loop ended in a panic"))?;
+    let mut served = served?;
 
     let session = session(scene, &mut served);
     let replayed = replays(&session, scene)?;
@@ -221,10 +223,10 @@ fn watched<T: Send>(
 fn session(scene: &Scene, served: &mut Served) -> Session {
     let mut session = Session::new(scene, scene.deadline.overrun);
     let kinds =
-        [(served.meter.worst_by_response(), "longest response"), (served.meter.worst_by_cpu(), "most CPU time")];
+        [(served.meter.worst_by_response(), Why::LongestResponse), (served.meter.worst_by_cpu(), Why::MostCpuTime)];
     for (ticks, why) in kinds {
         for TickTimes { pass, tick, .. } in ticks {
-            session.worst.push(TickToReplay { pass: *pass, tick: *tick, why: why.to_owned() });
+            session.worst.push(TickToReplay { pass: *pass, tick: *tick, why });
         }
     }
     let passes = std::mem::take(&mut served.passes);
@@ -251,7 +253,7 @@ fn worst(served: &Served, timed: Vec<TimedTick>) -> Vec<WorstTick> {
     let measured = || served.meter.worst_by_response().iter().chain(served.meter.worst_by_cpu());
     let entry = |TimedTick { tick, warm_ns, cold_ns }| {
         let TickToReplay { pass, tick, why } = tick;
-        let is_measured = why == "longest response" || why == "most CPU time";
+        let is_measured = matches!(why, Why::LongestResponse | Why::MostCpuTime);
         let times = measured().find(|times| is_measured && (times.pass, times.tick) == (pass, tick)).copied();
         WorstTick { pass, tick, why, times, warm_ns, cold_ns }
     };

@@ -157,7 +157,12 @@ pub fn markdown(certificate: &Certificate) -> String {
         };
         let pair = |[median, longest]: [u64; 2]| format!("{:.2}, {:.2}", us(median), us(longest));
         let (response, cpu) = (then(|times| times.response_ns), then(|times| times.cpu_ns));
-        say(format!("| {pass} | {tick} | {why} | {response} | {cpu} | {} | {} |", pair(*warm_ns), pair(*cold_ns)));
+        say(format!(
+            "| {pass} | {tick} | {} | {response} | {cpu} | {} | {} |",
+            why.name(),
+            pair(*warm_ns),
+            pair(*cold_ns)
+        ));
     }
     say("\n## What missed deadlines would do\n".to_owned());
     say(format!(

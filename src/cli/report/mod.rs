@@ -22,7 +22,8 @@ use super::accuracy::{self, AccuracyFile};
 use super::progress::Progress;
 use super::run::execute;
 use super::stability::{self, StabilityFile};
-use super::{FAIL, PASS, load, page, say, table};
+use super::terminal::{hand_out, say};
+use super::{FAIL, PASS, load, page, table};
 use crate::output::files::{write_file, write_json};
 use crate::output::frames::FrameRecorder;
 use crate::pipeline::Simulation;
@@ -117,6 +118,7 @@ pub fn report(arguments: &ReportArguments) -> miette::Result<u8> {
     write_json(&out.join("report.json"), &file)?;
     write_file(&out.join("index.html"), whole_page(&verdicts, &sections).into_string().as_bytes())?;
 
+    hand_out(&file)?;
     say(table::runs(reported.iter().map(|r| (r.summary(), r.outcome()))))?;
     say(verdict::lines(&verdicts))?;
     say(format_args!("report: {}", out.join("index.html").display()))?;

@@ -1,0 +1,230 @@
+//! A run for ParaView: the network and the instrument as `.vtu` files, some frames a second, and a `.pvd` that gives them
+//! their times.
+//!
+//! Written here, a few tags around arrays in base 64: the one crate that writes the format has parsers in it that its
+//! makers no longer keep.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use base64::{Engine, prelude::BASE64_STANDARD};
+
+use super::files::{WriteError, write_file};
+use crate::Vec3;
+use crate::model::network::Network;
+use crate::pipeline::TickView;
+
+/// Cell types of the format.
+const VTK_VERTEX: u8 = 1;
+const VTK_LINE: u8 = 3;
+const VTK_TRIANGLE: u8 = 5;
+
+/// Folder of the frames, beside the `.pvd` files.
+const FRAMES: &str = "vtk";
+
+/// Writes frames of a run.
+///
+/// - `network.pvd`: nodes with velocity, net force, mass, whether they are fixed, whether they are in the patch, and their
+///   weight in the contact point; triangles of the surface and springs as cells.
+/// - `instrument.pvd`: the tip with its force, the contact's normal and what the contact does (0 free, 1 stick, 2 slide,
+///   3 slip).
+///
+/// Nodes of the patch are where the local side has them, those of the surface where the local model holds them, all
+/// others where the global side left them at the last boundary. All quantities are SI.
+#[derive(Debug)]
+pub struct VtkWriter {
+    out: PathBuf,
+    every_ticks: u64,
+    cells: String,
+    times: Vec<f64>,
+    x: Vec<Vec3>,
+    v: Vec<Vec3>,
+    f: Vec<Vec3>,
+    trouble: Option<WriteError>,
+}
+
+impl VtkWriter {
+    /// For a frame in so many ticks, at least one, into a folder.
+    ///
+    /// # Errors
+    /// If the folder cannot be written.
+    pub fn new(out: &Path, every_ticks: u64) -> Result<Self, WriteError> {
+        let frames = out.join(FRAMES);
+        fs::create_dir_all(&frames).map_err(|source| WriteError { path: frames, source })?;
+        Ok(Self {
+            out: out.to_owned(),
+            every_ticks: every_ticks.max(1),
+            cells: String::new(),
+            times: Vec::new(),
+            x: Vec::new(),
+            v: Vec::new(),
+            f: Vec::new(),
+            trouble: None,
+        })
+    }
+
+    /// Takes a tick in. What cannot be written is told by [`finish`](Self::finish).
+    pub fn record(&mut self, view: &TickView) {
+        if self.trouble.is_some() || view.tick % self.every_ticks != 0 {
+            return;
+        }
+        if let Err(error) = self.write_frame(view) {
+            self.trouble = Some(error);
+        }
+    }
+
+    /// Writes the `.pvd` files and returns the number of frames.
+    ///
+    /// # Errors
+    /// If a file could not be written, now or before.
+    pub fn finish(self) -> Result<usize, WriteError> {
+        if let Some(error) = self.trouble {
+            return Err(error);
+        }
+        for name in ["network", "instrument"] {
+            let mut sets = String::new();
+            for (frame, time) in self.times.iter().enumerate() {
+                let _ = writeln!(sets, "<DataSet timestep=\"{time}\" file=\"{}\"/>", file_name(name, frame));
+            }
+            let text = document("Collection", &format!("<Collection>\n{sets}</Collection>\n"));
+            write_file(&self.out.join(format!("{name}.pvd")), text.as_bytes())?;
+        }
+        Ok(self.times.len())
+    }
+
+    fn write_frame(&mut self, view: &TickView) -> Result<(), WriteError> {
+        self.place(view);
+        if self.cells.is_empty() {
+            self.cells = cells(view);
+        }
+        let network = view.network;
+        let patch = &view.local.model().patch;
+        let mut in_patch = vec![0_u8; network.node_count()];
+        patch.nodes.iter().for_each(|&node| in_patch[node as usize] = 1);
+        let fixed: Vec<u8> = network.fixed.iter().map(|&fixed| fixed.into()).collect();
+        let data = [
+            vectors("velocity", &self.v),
+            vectors("force", &self.f),
+            scalars("mass", &network.mass),
+            bytes("fixed", &fixed),
+            bytes("patch", &in_patch),
+            scalars("contact_weight", &contact_weights(view)),
+        ];
+        let frame = self.times.len();
+        let piece = piece(&self.x, &self.cells, &data.concat());
+        write_file(&self.out.join(file_name("network", frame)), piece.as_bytes())?;
+
+        let normal = view.report.touch.map_or(Vec3::zeros(), |touch| touch.normal);
+        let data =
+            [vectors("force", &[view.force]), vectors("normal", &[normal]), bytes("mode", &[view.report.mode as u8])];
+        let tip = piece_of_cells(&[view.tip], &[0], &[1], &[VTK_VERTEX], &data.concat());
+        write_file(&self.out.join(file_name("instrument", frame)), tip.as_bytes())?;
+        self.times.push(view.time);
+        Ok(())
+    }
+
+    /// Positions, velocities and net forces of all nodes.
+    fn place(&mut self, view: &TickView) {
+        let (model, state) = (view.local.model(), view.local.state());
+        self.x.clone_from(&view.network_state.x);
+        self.v.clone_from(&view.network_state.v);
+        for (vertex, &node) in model.surface.vertex_node.iter().enumerate() {
+            self.x[node as usize] = model.vertex(vertex as u32, &state.x, view.local.elapsed());
+        }
+        for (slot, &node) in model.patch.nodes.iter().enumerate() {
+            self.x[node as usize] = state.x[slot];
+            self.v[node as usize] = state.v[slot];
+        }
+        self.f.resize(self.x.len(), Vec3::zeros());
+        view.network.forces(&self.x, &self.v, &mut self.f);
+    }
+}
+
+/// Of every node in the contact point; all zero when free.
+fn contact_weights(view: &TickView) -> Vec<f64> {
+    let mut weights = vec![0.0; view.network.node_count()];
+    if let Some(touch) = view.report.touch {
+        let model = view.local.model();
+        for (vertex, weight) in model.geometry.weights(&model.surface, &touch.point) {
+            weights[model.surface.vertex_node[vertex as usize] as usize] += weight;
+        }
+    }
+    weights
+}
+
+/// The surface's triangles, then the springs: the same in every frame.
+fn cells(view: &TickView) -> String {
+    let surface = &view.local.model().surface;
+    let Network { springs, .. } = view.network;
+    let triangles = (0..surface.triangles.len() as u32).flat_map(|triangle| surface.triangle_nodes(triangle));
+    let connectivity: Vec<i64> =
+        triangles.chain(springs.iter().flat_map(|spring| spring.nodes)).map(i64::from).collect();
+    let corners = 3 * surface.triangles.len() as i64;
+    let ends = (1..=surface.triangles.len() as i64).map(|i| 3 * i);
+    let offsets: Vec<i64> = ends.chain((1..=springs.len() as i64).map(|i| corners + 2 * i)).collect();
+    let mut types = vec![VTK_TRIANGLE; surface.triangles.len()];
+    types.resize(offsets.len(), VTK_LINE);
+    cells_of(&connectivity, &offsets, &types)
+}
+
+fn cells_of(connectivity: &[i64], offsets: &[i64], types: &[u8]) -> String {
+    let arrays = [
+        array("Int64", "connectivity", 1, connectivity.iter().flat_map(|i| i.to_le_bytes())),
+        array("Int64", "offsets", 1, offsets.iter().flat_map(|i| i.to_le_bytes())),
+        array("UInt8", "types", 1, types.iter().copied()),
+    ];
+    format!("NumberOfCells=\"{}\">\n<Cells>\n{}</Cells>\n", types.len(), arrays.concat())
+}
+
+fn piece_of_cells(x: &[Vec3], connectivity: &[i64], offsets: &[i64], types: &[u8], data: &str) -> String {
+    piece(x, &cells_of(connectivity, offsets, types), data)
+}
+
+/// A whole `.vtu` file.
+fn piece(x: &[Vec3], cells: &str, data: &str) -> String {
+    let points = vectors("Points", x);
+    document(
+        "UnstructuredGrid",
+        &format!(
+            "<UnstructuredGrid>\n<Piece NumberOfPoints=\"{}\" {cells}<Points>\n{points}</Points>\n<PointData>\n\
+             {data}</PointData>\n</Piece>\n</UnstructuredGrid>\n",
+            x.len()
+        ),
+    )
+}
+
+fn document(kind: &str, body: &str) -> String {
+    format!(
+        "<?xml version=\"1.0\"?>\n<VTKFile type=\"{kind}\" version=\"1.0\" byte_order=\"LittleEndian\" \
+         header_type=\"UInt64\">\n{body}</VTKFile>\n"
+    )
+}
+
+fn file_name(name: &str, frame: usize) -> String {
+    format!("{FRAMES}/{name}-{frame:06}.vtu")
+}
+
+fn vectors(name: &str, values: &[Vec3]) -> String {
+    array("Float64", name, 3, values.iter().flat_map(|v| v.iter().flat_map(|c| c.to_le_bytes()).collect::<Vec<_>>()))
+}
+
+fn scalars(name: &str, values: &[f64]) -> String {
+    array("Float64", name, 1, values.iter().flat_map(|value| value.to_le_bytes()))
+}
+
+fn bytes(name: &str, values: &[u8]) -> String {
+    array("UInt8", name, 1, values.iter().copied())
+}
+
+/// Length in bytes, then the bytes.
+fn array(kind: &str, name: &str, components: usize, bytes: impl Iterator<Item = u8>) -> String {
+    let mut block = vec![0; 8];
+    block.extend(bytes);
+    let length = (block.len() as u64 - 8).to_le_bytes();
+    block[..8].copy_from_slice(&length);
+    format!(
+        "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\" format=\"binary\">{}</DataArray>\n",
+        BASE64_STANDARD.encode(block)
+    )
+}
