@@ -8,6 +8,7 @@ mod closed_loop;
 mod condensation;
 mod contact;
 mod coupling;
+mod elasticity;
 mod extremes;
 mod integrators;
 mod limit;
