@@ -20,6 +20,7 @@ mod orders;
 mod phantom;
 mod phantom_motion;
 mod rest;
+mod settle;
 mod stability;
 mod subdivision;
 mod timeline;

@@ -8,7 +8,7 @@ use crate::model::network::{ExternalForce, Network};
 use crate::model::springs::TangentKind;
 
 /// The largest force that may be left on a free node, as a share of the largest weight of one.
-pub const RESIDUAL: f64 = 1e-9;
+pub const RESIDUAL: f64 = 1e-12;
 /// And as a share of the largest k L of a spring: what rounding of positions leaves.
 const ROUND_OFF: f64 = 1e-14;
 /// Far more than a network needs that hangs or stands; one that buckles takes dozens.
@@ -39,8 +39,8 @@ pub enum SettleError {
 }
 
 /// Positions at which no free node has a force on it, m, from rest. The tangent is the exact one, or the stabilised one
-/// where that is not definite, so that every step goes downhill: what is found is a minimum of the energy or, at worst, a
-/// flat place in it.
+/// where that is not definite, so that every step goes downhill: what is found is a minimum of the energy or, at worst,
+/// a flat place in it.
 ///
 /// # Errors
 /// If a piece of the network has no fixed node, or no equilibrium is found.
@@ -61,7 +61,7 @@ pub fn settle(network: &Network) -> Result<Vec<Vec3>, SettleError> {
     let mut x = network.rest.clone();
     let mut residual = Residual::at(network, &statics, &x);
     for _ in 0..ITERATIONS {
-        if residual.largest <= tolerance_n {
+        if residual.largest <= tolerance_n && tolerance_n.is_finite() {
             return Ok(x);
         }
         let mut tangents = std::iter::once((TangentKind::Exact, 0.0))

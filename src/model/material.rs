@@ -47,14 +47,6 @@ impl PerSpring {
         }
     }
 
-    /// Whether there is a value for each of so many edges.
-    pub fn fits(&self, edges: usize) -> bool {
-        match self {
-            PerSpring::Same(_) => true,
-            PerSpring::Each(values) => values.len() == edges,
-        }
-    }
-
     fn for_each(&mut self, change: impl FnMut(&mut f64)) {
         match self {
             PerSpring::Same(value) => std::slice::from_mut(value),
@@ -219,7 +211,8 @@ impl Bulk<'_> {
 ///
 /// A cell has three of the first, six of the second, four of the third: with those k₁, k₂, k₃, a C₁₁ is
 /// k₁ + 2k₂ + 4k₃/3 and a C₁₂ = a C₄₄ is k₂ + 4k₃/3. Isotropic is C₁₁ = 3C₁₂, and C₄₄ = μ = 2E/5. Without body
-/// diagonals that leaves k₁ = k₂ = 2Ea/5; with them one choice, here that face and body diagonals give equal parts of μ.
+/// diagonals that leaves k₁ = k₂ = 2Ea/5; with them one choice, here that face and body diagonals give equal parts of
+/// μ.
 fn lattice_stiffness(stencil: Stencil, ea: f64) -> Result<[f64; 3], MaterialError> {
     match stencil {
         Stencil::Structural => Err(MaterialError::NoShear),

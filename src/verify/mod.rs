@@ -16,4 +16,5 @@ pub mod paired;
 pub mod results;
 pub mod stability_map;
 pub mod surfaces;
+pub mod tetrahedral_block;
 pub mod z_width;
