@@ -24,8 +24,13 @@ fn network(nodes: [usize; 3]) -> (Network, Arc<Surface>) {
     let block = Block { nodes, spacing: 0.0125, stencil: Stencil::Full };
     let mesh = block.mesh();
     let count = mesh.nodes.len();
-    let material =
-        Material { node_mass: vec![0.01; count], stiffness: 100.0, damping: 0.5, drag: 0.0, gravity: Vec3::zeros() };
+    let material = Material {
+        node_mass: vec![0.01; count],
+        stiffness: 100.0.into(),
+        damping: 0.5.into(),
+        drag: 0.0,
+        gravity: Vec3::zeros(),
+    };
     let fixed = (0..count).map(|i| block.is_bottom(i)).collect();
     (Network::new(&mesh, &material, fixed), Arc::new(Surface::new(&mesh).expect("a block")))
 }

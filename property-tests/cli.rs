@@ -70,7 +70,7 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
     ("unknown table", "[sync]", "[synch]", &["unknown field `synch`"]),
     ("wrong type", "spacing = 0.0125", "spacing = \"wide\"", &["string \"wide\"", "mesh.spacing", ":8:"]),
     ("wrong choice", "stencil = \"shear\"", "stencil = \"sheer\"", &["sheer", "shear", "structural"]),
-    ("missing key", "damping = 0.5", "", &["missing field `damping`", "material"]),
+    ("missing key", "damping = 0.5", "", &["`material.damping` is missing", "damping_ratio", ":12:"]),
     ("missing table", "[contact]\nlaw", "[contact2]\nlaw", &["contact2"]),
     ("negative mass", "node_mass = 0.01", "node_mass = -0.01", &["material.node_mass", "-0.01", "above 0", ":13:"]),
     ("zero mass", "node_mass = 0.01", "node_mass = 0", &["material.node_mass"]),
@@ -248,6 +248,48 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
         "kind = \"phantom-1.5\"\ndevice = { substep = 3 }",
         &["unknown field `substep`"],
     ),
+    ("no stiffness", "stiffness = 100.0", "", &["`material.stiffness` is missing", "young_modulus"]),
+    (
+        "stiffness twice",
+        "stiffness = 100.0",
+        "stiffness = 100.0\nyoung_modulus = 5e3",
+        &["`material.young_modulus` and `material.stiffness` cannot both"],
+    ),
+    (
+        "damping twice",
+        "damping = 0.5",
+        "damping = 0.5\ndamping_ratio = 0.1",
+        &["`material.damping_ratio` and `material.damping` cannot both"],
+    ),
+    ("negative modulus", "stiffness = 100.0", "young_modulus = -1", &["material.young_modulus", "-1", "above 0"]),
+    ("NaN modulus", "stiffness = 100.0", "young_modulus = nan", &["material.young_modulus", "NaN"]),
+    ("negative ratio", "damping = 0.5", "damping_ratio = -0.1", &["material.damping_ratio", "-0.1", "at least 0"]),
+    (
+        "a modulus without shear stiffness",
+        "stencil = \"shear\"                  # \"structural\" | \"shear\" | \"full\"",
+        "stencil = \"structural\"",
+        &["material.young_modulus", "no shear", "mesh.stencil", "material.stiffness"],
+    ),
+    (
+        "identification of a block",
+        "stiffness = 100.0",
+        "young_modulus = 5e3\nidentification = \"lloyd\"",
+        &["`material.identification` has no effect", "block"],
+    ),
+    (
+        "identification without a modulus",
+        "stiffness = 100.0",
+        "stiffness = 100.0\nidentification = \"lloyd\"",
+        &["`material.identification` has no effect", "material.stiffness"],
+    ),
+    ("settling without gravity", "duration = 1.2", "duration = 1.2\nsettle = true", &["`settle` has no effect", ":4:"]),
+    ("settling of a number", "duration = 1.2", "duration = 1.2\nsettle = 1", &["settle", "true or false"]),
+    (
+        "settling of what floats",
+        "duration = 1.2",
+        "duration = 1.2\nsettle = true",
+        &["node 0 hangs on no fixed node", "mesh.fixed", ":4:"],
+    ),
     ("not TOML", "duration = 1.2", "duration := 1.2", &[":3:"]),
 ];
 
@@ -259,6 +301,12 @@ fn bad_scenes_end_with_code_2_one_message_and_no_folder() {
         let mut text = GOOD.replacen(good, bad, 1);
         if *what == "a dense matrix too large" {
             text = text.replace("rings = 1", "rings = 100");
+        }
+        if *what == "a modulus without shear stiffness" {
+            text = text.replace("stiffness = 100.0", "young_modulus = 5e3");
+        }
+        if *what == "settling of what floats" {
+            text = text.replace("[material]", "fixed = \"none\"\n[material]\ngravity = [0.0, 0.0, -9.81]");
         }
         let scene = folder.write("scene.toml", &text);
         let out = folder.path("out");

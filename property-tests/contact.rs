@@ -352,8 +352,8 @@ impl Dent {
         let count = mesh.nodes.len();
         let material = Material {
             node_mass: vec![0.01; count],
-            stiffness: 100.0,
-            damping: 0.5,
+            stiffness: 100.0.into(),
+            damping: 0.5.into(),
             drag: 0.0,
             gravity: Vec3::zeros(),
         };

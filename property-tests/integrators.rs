@@ -61,7 +61,7 @@ fn moving(setup: Setup, integrator: LocalIntegrator, h: f64) -> (LocalModel, Loc
     let count = mesh.nodes.len();
     let Setup { stiffness, damping, drag, gravity, tangent, exterior } = setup;
     let node_mass = (0..count).map(|i| 0.01 + 0.002 * (i % 7) as f64).collect();
-    let material = Material { node_mass, stiffness, damping, drag, gravity };
+    let material = Material { node_mass, stiffness: stiffness.into(), damping: damping.into(), drag, gravity };
     let network = Network::new(&mesh, &material, (0..count).map(|i| block.is_bottom(i)).collect());
     let mut state = network.rest_state();
     for i in (0..count).filter(|&i| !network.fixed[i]) {
@@ -454,7 +454,7 @@ fn stiff_scenes_command_finite_forces() {
                 "tangent = \"stabilised\"",
                 crate::check::PRESS_AND_DRAG,
             );
-            (scene.material.stiffness, scene.integrator, scene.contact.law) = (1e8, integrator, law);
+            (scene.material.stiffness, scene.integrator, scene.contact.law) = (1e8.into(), integrator, law);
             (scene.global.integrator, scene.global.substeps) = (GlobalIntegrator::ImplicitEuler, 10);
             let run = crate::check::run(&scene);
             let largest = run.force.iter().map(Vec3::norm).fold(0.0, f64::max);
@@ -477,8 +477,8 @@ fn swinging(stiffness: f64) -> (Network, State) {
     let count = mesh.nodes.len();
     let material = Material {
         node_mass: (0..count).map(|i| 0.01 + 0.002 * (i % 7) as f64).collect(),
-        stiffness,
-        damping: 0.5,
+        stiffness: stiffness.into(),
+        damping: 0.5.into(),
         drag: 0.05,
         gravity: Vec3::new(0.5, 0.0, -9.81),
     };

@@ -30,8 +30,8 @@ impl Body {
         let count = mesh.nodes.len();
         let material = Material {
             node_mass: vec![0.01; count],
-            stiffness: 100.0,
-            damping: 0.5,
+            stiffness: 100.0.into(),
+            damping: 0.5.into(),
             drag: 0.0,
             gravity: Vec3::zeros(),
         };
@@ -105,7 +105,9 @@ fn sheet() -> Body {
         }
     }
     let edges = (0..n * n - 1).map(|i| [i, i + 1]).collect();
-    Body::new(&Mesh { nodes, edges, triangles }, |x| x + Vec3::z() * 0.001 * (200.0 * x.x).sin())
+    Body::new(&Mesh { nodes, edges, triangles, tetrahedra: Vec::new() }, |x| {
+        x + Vec3::z() * 0.001 * (200.0 * x.x).sin()
+    })
 }
 
 fn point() -> impl Strategy<Value = ContactPoint> {

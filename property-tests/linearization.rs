@@ -123,8 +123,8 @@ fn moving_block(damping: f64, drag: f64) -> (Network, Arc<Surface>, State) {
     let count = mesh.nodes.len();
     let material = Material {
         node_mass: (0..count).map(|i| 0.005 + 0.0002 * i as f64).collect(),
-        stiffness: 100.0,
-        damping,
+        stiffness: 100.0.into(),
+        damping: damping.into(),
         drag,
         gravity: Vec3::new(0.3, 0.0, -9.8),
     };

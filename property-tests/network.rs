@@ -14,8 +14,8 @@ fn block(damping: f64) -> (Network, State) {
     let count = mesh.nodes.len();
     let material = Material {
         node_mass: (0..count).map(|i| 0.01 + 0.001 * (i % 7) as f64).collect(),
-        stiffness: 100.0,
-        damping,
+        stiffness: 100.0.into(),
+        damping: damping.into(),
         drag: 0.0,
         gravity: Vec3::zeros(),
     };

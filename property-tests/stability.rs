@@ -19,8 +19,8 @@ fn network(damping: f64, drag: f64) -> Network {
     let count = mesh.nodes.len();
     let material = Material {
         node_mass: (0..count).map(|i| 0.01 * (1.0 + (i % 5) as f64)).collect(),
-        stiffness: 100.0,
-        damping,
+        stiffness: 100.0.into(),
+        damping: damping.into(),
         drag,
         gravity: Vec3::zeros(),
     };

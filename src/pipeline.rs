@@ -18,6 +18,7 @@ use crate::dynamics::energy::EnergyBook;
 use crate::dynamics::global::{
     CycleMessage, CycleSettings, GlobalSimulation, Keep, ModelMessage, SyncMode, Trajectory,
 };
+use crate::dynamics::settle::settle;
 use crate::model::condensation::CondensationCounts;
 use crate::model::local::LocalModelBuilder;
 use crate::model::mesh::Mesh;
@@ -171,7 +172,8 @@ impl Simulation {
         Self::assemble(scene, &scene.block.mesh())
     }
 
-    /// The same over a mesh of one's own, with as many nodes as the scene has masses.
+    /// The same over a mesh of one's own, with as many nodes as the scene has masses, and as many edges where it has a
+    /// stiffness or damping for each.
     ///
     /// # Errors
     /// As [`prepare`](Self::prepare).
@@ -181,6 +183,10 @@ impl Simulation {
         let geometry =
             ContactGeometry::new(scene.surface, &surface).map_err(|error| scene.mesh_error(Problem::Surface(error)))?;
         let network = Arc::new(Network::new(mesh, &scene.material, scene.fixed.clone()));
+        let mut start = network.rest_state();
+        if scene.settle {
+            start.x = settle(&network).map_err(|error| scene.settle_error(error))?;
+        }
         let builder = LocalModelBuilder::new(&network, surface.clone(), geometry, scene.local)
             .with_integrator(scene.integrator, scene.tick);
         let cycle = CycleSettings {
@@ -191,7 +197,7 @@ impl Simulation {
             tick: scene.tick,
             metric: scene.contact.scheme.overwrite_metric(),
         };
-        let mut global = GlobalSimulation::new(cycle, network.clone(), surface.clone(), builder);
+        let mut global = GlobalSimulation::new(cycle, network.clone(), surface.clone(), builder, start);
 
         let instrument = Instrument::new(&scene.instrument, &scene.path, scene.tick)
             .map_err(|error| scene.instrument_error(error))?;

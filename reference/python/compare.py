@@ -28,6 +28,8 @@ def compare(arguments):
     read = scene.load(arguments.scene)
     folder = Path(arguments.run or Path("reports") / read.name)
     mesh = network.read(arguments.network or folder / "network.json", read)
+    if read["material"].young_modulus is not None or read["material"].damping_ratio is not None:
+        network.check_material(mesh, read)
     actual = trace.read(arguments.trace or folder / "trace.csv")
     run = cycle.run(read, mesh)
     expected = trace.table(run)

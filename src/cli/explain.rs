@@ -44,6 +44,10 @@ struct Sizes {
     ticks_per_cycle: u32,
     patch_nodes: usize,
     patch_springs: usize,
+    /// The softest and the stiffest spring's.
+    stiffness_n_per_m: [f64; 2],
+    /// The least and the most damped spring's.
+    damping_n_s_per_m: [f64; 2],
 }
 
 #[derive(Serialize)]
@@ -140,6 +144,8 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
         ticks_per_cycle: scene.ticks_per_cycle,
         patch_nodes: patch.len(),
         patch_springs: patch.springs.len(),
+        stiffness_n_per_m: scene.material.stiffness.range(),
+        damping_n_s_per_m: scene.material.damping.range(),
     };
     let linear = matches!(scene.local.linearization, Linearization::Tangent(_));
     let rows = 3 * patch.len();
@@ -183,7 +189,8 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
     let mut held = patch.inverse_mass.clone();
     held.resize(patch.len() + patch.boundary.len(), 0.0);
     let local_limit = explicit_step_limit(&patch.springs, &simulation.local().state().x, &held, drag);
-    let global_limit = explicit_step_limit(&network.springs, &network.rest, &network.inverse_mass, drag);
+    let global_limit =
+        explicit_step_limit(&network.springs, &simulation.global().state().x, &network.inverse_mass, drag);
     let local_step = match scene.integrator {
         LocalIntegrator::SemiImplicitEuler => Step::new(scene.tick, local_limit),
         implicit => Step::unlimited(scene.tick, local_limit, implicit.name()),
@@ -257,6 +264,14 @@ fn text(e: &Explanation) -> String {
     line("\nSizes".to_owned());
     line(format!(
         "  network   {nodes} nodes ({fixed_nodes} fixed), {springs} springs, {surface_triangles} surface triangles"
+    ));
+    let range = |[least, most]: [f64; 2]| {
+        if least == most { format!("{least}") } else { format!("{least:.4} to {most:.4}") }
+    };
+    line(format!(
+        "  springs   k = {} N/m, c = {} N·s/m",
+        range(e.sizes.stiffness_n_per_m),
+        range(e.sizes.damping_n_s_per_m)
     ));
     line(format!(
         "  patch     {} free nodes, {} springs (the first model; it follows the contact)",

@@ -231,14 +231,14 @@ pub struct GlobalSimulation {
 }
 
 impl GlobalSimulation {
-    /// The network at rest.
+    /// The network in the state in which it starts.
     pub fn new(
         settings: CycleSettings,
         network: Arc<Network>,
         surface: Arc<Surface>,
         builder: LocalModelBuilder,
+        state: State,
     ) -> Self {
-        let state = network.rest_state();
         let stepper = Stepper::new(&network);
         Self { settings, network, surface, builder, state, stepper, contact: None, models_built: 0 }
     }

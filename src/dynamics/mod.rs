@@ -4,4 +4,6 @@ pub mod energy;
 pub mod global;
 pub mod implicit;
 pub mod integrators;
+pub mod settle;
 pub mod stability;
+pub mod statics;

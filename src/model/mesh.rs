@@ -11,6 +11,17 @@ pub struct Mesh {
     pub edges: Vec<[u32; 2]>,
     /// Surface triangles, anticlockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
+    /// Tetrahedra that fill it, positively oriented: the first three nodes anticlockwise seen from the fourth. None for
+    /// blocks, whose cells fill them, and for surfaces.
+    pub tetrahedra: Vec<[u32; 4]>,
+}
+
+impl Mesh {
+    /// Volume of a tetrahedron with these corners, m³; negative if it is turned inside out.
+    pub fn tetrahedron_volume(&self, corners: [u32; 4]) -> f64 {
+        let [a, b, c, d] = corners.map(|node| self.nodes[node as usize]);
+        (b - a).cross(&(c - a)).dot(&(d - a)) / 6.0
+    }
 }
 
 /// Which neighbours of a block's lattice are joined by springs.
@@ -131,10 +142,27 @@ impl Block {
                 }
             }
         }
-        Mesh { nodes, edges, triangles: self.surface_triangles() }
+        Mesh { nodes, edges, triangles: self.surface_triangles(), tetrahedra: Vec::new() }
     }
 
-    fn lattice(&self, node: usize) -> [usize; 3] {
+    /// Of every edge, in the mesh's order: along how many axes it goes (1 an edge of the lattice, 2 a face's diagonal,
+    /// 3 a cell's), and the share of the cells around it that the block has: 1 inside, less on the boundary.
+    pub fn edge_shares(&self) -> impl Iterator<Item = (u8, f64)> + '_ {
+        let count = self.nodes.iter().product();
+        (0..count).flat_map(move |node| {
+            let at = self.lattice(node);
+            let inside = self.stencil.offsets().iter().filter(move |&&offset| self.neighbour(node, offset).is_some());
+            inside.map(move |offset| {
+                let axes = offset.iter().filter(|&&step| step != 0).count() as u8;
+                let on_boundary = |axis: usize| at[axis] == 0 || at[axis] == self.nodes[axis] - 1;
+                let halvings = (0..3).filter(|&axis| offset[axis] == 0 && on_boundary(axis)).count();
+                (axes, 0.5_f64.powi(halvings as i32))
+            })
+        })
+    }
+
+    /// Steps along x, y, z from the first node.
+    pub fn lattice(&self, node: usize) -> [usize; 3] {
         let [nx, ny, _] = self.nodes;
         [node % nx, node / nx % ny, node / (nx * ny)]
     }

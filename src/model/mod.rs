@@ -6,6 +6,7 @@ pub mod condensation;
 pub mod elimination;
 pub mod linearization;
 pub mod local;
+pub mod material;
 pub mod mesh;
 pub mod network;
 pub mod patch;

@@ -1,5 +1,6 @@
 //! The full model (1)–(2): lumped masses, damped springs, gravity and drag.
 
+use super::material::PerSpring;
 use super::mesh::Mesh;
 use super::springs::{Spring, Springs};
 use crate::Vec3;
@@ -41,10 +42,10 @@ impl ExternalForce {
 pub struct Material {
     /// Mass of each node, kg.
     pub node_mass: Vec<f64>,
-    /// k of every spring, N/m.
-    pub stiffness: f64,
-    /// c of every spring, N·s/m.
-    pub damping: f64,
+    /// k of the springs, N/m.
+    pub stiffness: PerSpring,
+    /// c of the springs, N·s/m.
+    pub damping: PerSpring,
     /// b of every node, N·s/m.
     pub drag: f64,
     /// g, m/s².
@@ -89,15 +90,17 @@ pub struct Link {
 }
 
 impl Network {
-    /// Joins the nodes of a mesh by springs whose rest length is the mesh's edge length.
+    /// Joins the nodes of a mesh by springs whose rest length is the mesh's edge length. The material has one mass for
+    /// each of its nodes.
     pub fn new(mesh: &Mesh, material: &Material, fixed: Vec<bool>) -> Self {
         let springs: Vec<Spring> = mesh
             .edges
             .iter()
-            .map(|&nodes| Spring {
+            .enumerate()
+            .map(|(edge, &nodes)| Spring {
                 nodes,
-                stiffness: material.stiffness,
-                damping: material.damping,
+                stiffness: material.stiffness.at(edge),
+                damping: material.damping.at(edge),
                 rest_length: (mesh.nodes[nodes[1] as usize] - mesh.nodes[nodes[0] as usize]).norm(),
             })
             .collect();

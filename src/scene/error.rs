@@ -9,7 +9,9 @@ use thiserror::Error;
 
 use super::keys::accepted;
 use crate::device::instrument::{InstrumentError, PathError};
+use crate::dynamics::settle::SettleError;
 use crate::model::local::ModelError;
+use crate::model::material::MaterialError;
 use crate::model::surface::SurfaceError;
 
 /// What is wrong.
@@ -106,6 +108,17 @@ pub enum Problem {
         /// What is wrong.
         error: InstrumentError,
     },
+    /// Springs or masses from the constants of a material.
+    #[error("`{key}`: {error}")]
+    Material {
+        /// The key.
+        key: &'static str,
+        /// What is wrong.
+        error: MaterialError,
+    },
+    /// There is no equilibrium to start from.
+    #[error("`settle`: {0}")]
+    Settle(SettleError),
     /// The mesh has no proper surface.
     #[error(transparent)]
     Surface(#[from] SurfaceError),
@@ -125,11 +138,13 @@ impl Problem {
             | Problem::Both(key, _)
             | Problem::WrongLength { key, .. }
             | Problem::Path { key, .. }
+            | Problem::Material { key, .. }
             | Problem::Instrument { key, .. } => Some(key),
             Problem::Unreadable { .. }
             | Problem::Syntax(_)
             | Problem::TooLarge { .. }
             | Problem::TipInside { .. }
+            | Problem::Settle(_)
             | Problem::Surface(_)
             | Problem::Model(_) => None,
         }

@@ -11,6 +11,7 @@ use crate::timeline::OverrunPolicy;
 pub struct SceneFile {
     pub name: Spanned<String>,
     pub duration: Spanned<f64>,
+    pub settle: Option<Spanned<bool>>,
     pub mesh: Spanned<MeshTable>,
     pub material: Spanned<MaterialTable>,
     #[serde(default)]
@@ -88,10 +89,20 @@ pub enum PerNode {
 pub struct MaterialTable {
     pub node_mass: Option<Spanned<PerNode>>,
     pub density: Option<Spanned<PerNode>>,
-    pub stiffness: Spanned<f64>,
-    pub damping: Spanned<f64>,
+    pub stiffness: Option<Spanned<f64>>,
+    pub young_modulus: Option<Spanned<f64>>,
+    pub identification: Option<Spanned<IdentificationName>>,
+    pub damping: Option<Spanned<f64>>,
+    pub damping_ratio: Option<Spanned<f64>>,
     pub drag: Option<Spanned<f64>>,
     pub gravity: Option<Spanned<[f64; 3]>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum IdentificationName {
+    VanGelder,
+    Lloyd,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -4,6 +4,10 @@
 pub const KEYS: &[(&str, &str)] = &[
     ("name", "letters, digits, `-`, `_` and `.`, starting with a letter or digit; it names the output folder"),
     ("duration", "a finite number above 0, in s, that is a whole number of ticks of `local.rate`"),
+    (
+        "settle",
+        "true or false (default): whether the network starts in equilibrium under `material.gravity`, which it then needs",
+    ),
     ("mesh", "a table with `nodes` and `spacing`"),
     ("mesh.kind", "\"block\" (default)"),
     ("mesh.nodes", "three whole numbers of at least 2: nodes along x, y and z"),
@@ -16,11 +20,30 @@ pub const KEYS: &[(&str, &str)] = &[
         "mesh.fixed",
         "\"bottom\" (default), \"none\", { below_z = a finite number in m } or { nodes = [indices below the number of nodes] }",
     ),
-    ("material", "a table with `node_mass` or `density`, `stiffness` and `damping`"),
+    (
+        "material",
+        "a table with `node_mass` or `density`, `stiffness` or `young_modulus`, and `damping` or `damping_ratio`",
+    ),
     ("material.node_mass", "a finite number above 0, in kg, or a list of one per node; not together with `density`"),
     ("material.density", "a finite number above 0, in kg/m³, or a list of one per node; not together with `node_mass`"),
-    ("material.stiffness", "a finite number above 0, in N/m"),
-    ("material.damping", "a finite number of at least 0, in N·s/m"),
+    ("material.stiffness", "a finite number above 0, in N/m, for every spring; not together with `young_modulus`"),
+    (
+        "material.young_modulus",
+        "a finite number above 0, in Pa, from which every spring gets its stiffness (Poisson's ratio is 1/4); not with \
+         `mesh.stencil = \"structural\"`, nor together with `stiffness`",
+    ),
+    (
+        "material.identification",
+        "\"van-gelder\" (default) or \"lloyd\": springs from `young_modulus` in a mesh of tetrahedra; a block's are exact",
+    ),
+    (
+        "material.damping",
+        "a finite number of at least 0, in N·s/m, for every spring; not together with `damping_ratio`",
+    ),
+    (
+        "material.damping_ratio",
+        "a finite number of at least 0: c = 2ζ√(k m), with 1/m = 1/m_i + 1/m_j of the spring's two nodes; not together with `damping`",
+    ),
     ("material.drag", "a finite number of at least 0, in N·s/m (default 0)"),
     ("material.gravity", "three finite numbers, in m/s² (default [0, 0, 0])"),
     ("global", "a table of `rate`, `integrator`, `substeps`"),

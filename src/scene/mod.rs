@@ -22,6 +22,7 @@ use crate::contact::tick::ContactRules;
 use crate::device::instrument::{InstrumentError, InstrumentKind, TipPath};
 use crate::dynamics::global::SyncMode;
 use crate::dynamics::integrators::GlobalIntegrator;
+use crate::dynamics::settle::SettleError;
 use crate::model::local::LocalSettings;
 use crate::model::mesh::Block;
 use crate::model::network::Material;
@@ -55,6 +56,8 @@ pub struct Scene {
     pub fixed: Vec<bool>,
     /// Masses, springs, gravity and drag.
     pub material: Material,
+    /// Whether the network is brought into equilibrium under gravity before t = 0.
+    pub settle: bool,
     /// The global cycle.
     pub global: GlobalSettings,
     /// `model = "full"`: the whole network runs at the local rate.
@@ -112,6 +115,7 @@ struct Source {
     text: NamedSource<String>,
     instrument: Range<usize>,
     mesh: Range<usize>,
+    settle: Option<Range<usize>>,
 }
 
 impl Scene {
@@ -183,6 +187,16 @@ impl Scene {
 
     pub(crate) fn mesh_error(&self, problem: Problem) -> SceneError {
         SceneError::at(problem, self.source.text.clone(), Some(self.source.mesh.clone()))
+    }
+
+    pub(crate) fn settle_error(&self, error: SettleError) -> SceneError {
+        let help = match error {
+            SettleError::Floating { .. } => "fix nodes of every piece with `mesh.fixed`, or leave out `settle`",
+            SettleError::NotSettled { .. } => {
+                "give a stiffer material, more fixed nodes or less `material.gravity`, or leave out `settle`"
+            }
+        };
+        SceneError::at(Problem::Settle(error), self.source.text.clone(), self.source.settle.clone()).with_help(help)
     }
 
     pub(crate) fn instrument_error(&self, error: InstrumentError) -> SceneError {

@@ -13,6 +13,7 @@ use crate::dynamics::global::SyncMode;
 use crate::dynamics::integrators::GlobalIntegrator;
 use crate::model::condensation::{Condensation, FarField, Reach};
 use crate::model::local::{ExteriorKind, Linearization};
+use crate::model::material::PerSpring;
 use crate::model::patch::Extent;
 use crate::model::step::LocalIntegrator;
 
@@ -96,8 +97,16 @@ impl Scene {
                 material.gravity != Vec3::zeros(),
                 format!("material.gravity = {:?}", material.gravity.as_slice()),
             ),
+            part("settling before t = 0", self.settle, format!("settle = {}", self.settle)),
             part("node drag", material.drag != 0.0, format!("material.drag = {}", material.drag)),
-            part("spring dampers", material.damping != 0.0, format!("material.damping = {}", material.damping)),
+            part(
+                "spring dampers",
+                material.damping.range()[1] != 0.0,
+                match &material.damping {
+                    PerSpring::Same(damping) => format!("material.damping = {damping}"),
+                    each => format!("material.damping_ratio gives {each} N·s/m"),
+                },
+            ),
             part("friction", matches!(self.contact.law, Law::StickSlip { .. }), law_is.clone()),
             part(
                 "sticking operator P",

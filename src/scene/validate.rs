@@ -1,6 +1,7 @@
 //! From the scene file to a scene: ranges, and which keys go together.
 
 mod instrument;
+mod material;
 
 use std::ops::Range;
 use std::path::Path;
@@ -12,7 +13,6 @@ use super::error::{Problem, SceneError};
 use super::file::*;
 use super::keys::accepted;
 use super::{GlobalSettings, Scene, Schedule, Source};
-use crate::Vec3;
 use crate::contact::law::Law;
 use crate::contact::operators::Metric;
 use crate::contact::surface::ContactSurface;
@@ -22,7 +22,6 @@ use crate::dynamics::integrators::GlobalIntegrator;
 use crate::model::condensation::{Condensation, FarField, Reach};
 use crate::model::local::{ExteriorKind, Linearization, LocalSettings};
 use crate::model::mesh::{Block, Stencil};
-use crate::model::network::Material;
 use crate::model::patch::Extent;
 use crate::model::springs::TangentKind;
 use crate::model::step::LocalIntegrator;
@@ -163,6 +162,7 @@ impl Checker {
         let integrator = self.integrator(&file.local, file.contact.get_ref())?;
         let (block, fixed) = self.mesh(&file.mesh, &local, integrator, [tick_count, u64::from(ticks_per_cycle)])?;
         let material = self.material(&file.material, &block)?;
+        let settle = self.settle(&file.settle, &material)?;
 
         let latency_ticks = match &file.sync.latency_ticks {
             Some(latency) if *latency.get_ref() >= ticks_per_cycle => {
@@ -203,7 +203,12 @@ impl Checker {
             let span = smoothing.as_ref().map(Spanned::span);
             self.no_effect("instrument.smoothing_ticks", span, "`local.model = \"full\"`, which has no hand-overs")?;
         }
-        let source = Source { text: self.source.clone(), instrument: file.instrument.span(), mesh: file.mesh.span() };
+        let source = Source {
+            text: self.source.clone(),
+            instrument: file.instrument.span(),
+            mesh: file.mesh.span(),
+            settle: file.settle.as_ref().map(Spanned::span),
+        };
         Ok(Scene {
             name,
             duration,
@@ -212,6 +217,7 @@ impl Checker {
             ticks_per_cycle,
             fixed,
             material,
+            settle,
             global,
             is_full,
             local,
@@ -357,52 +363,6 @@ impl Checker {
                     }
                 }
                 Ok(fixed)
-            }
-        }
-    }
-
-    fn material(&self, table: &Spanned<MaterialTable>, block: &Block) -> Placed<Material> {
-        let material = table.get_ref();
-        let count: usize = block.nodes.iter().product();
-        let node_mass = match (&material.node_mass, &material.density) {
-            (Some(mass), None) => self.per_node("material.node_mass", mass, count)?,
-            (None, Some(density)) => {
-                let cell = block.spacing.powi(3);
-                let mut mass = self.per_node("material.density", density, count)?;
-                for (node, mass) in mass.iter_mut().enumerate() {
-                    *mass *= cell / f64::from(1 << block.boundary_directions(node));
-                }
-                mass
-            }
-            (Some(_), Some(density)) => {
-                return Err(self.error(Problem::Both("material.density", "material.node_mass"), density.span()));
-            }
-            (None, None) => return Err(self.error(Problem::Missing("material.node_mass"), table.span())),
-        };
-        let gravity = match &material.gravity {
-            None => Vec3::zeros(),
-            Some(gravity) if gravity.get_ref().iter().all(|g| g.is_finite()) => Vec3::from(*gravity.get_ref()),
-            Some(gravity) => {
-                let value = format!("{:?}", gravity.get_ref());
-                return Err(self.error(Problem::NotAccepted { key: "material.gravity", value }, gravity.span()));
-            }
-        };
-        Ok(Material {
-            node_mass,
-            stiffness: self.number("material.stiffness", &material.stiffness, Sign::Positive)?,
-            damping: self.number("material.damping", &material.damping, Sign::NonNegative)?,
-            drag: self.number_or("material.drag", &material.drag, 0.0, Sign::NonNegative)?,
-            gravity,
-        })
-    }
-
-    fn per_node(&self, key: &'static str, values: &Spanned<PerNode>, nodes: usize) -> Placed<Vec<f64>> {
-        let positive = |value: f64| self.check(key, value, values.span(), Sign::Positive);
-        match values.get_ref() {
-            PerNode::Same(value) => Ok(vec![positive(*value)?; nodes]),
-            PerNode::Each(each) if each.len() == nodes => each.iter().map(|&value| positive(value)).collect(),
-            PerNode::Each(each) => {
-                Err(self.error(Problem::WrongLength { key, found: each.len(), nodes }, values.span()))
             }
         }
     }

@@ -211,7 +211,7 @@ fn scene(integrator: LocalIntegrator, scheme: Scheme, motion: Motion, divisor: u
         Motion::Sticking => scene.contact.law = Law::Sticking,
         Motion::StickingUndamped => {
             scene.contact.law = Law::Sticking;
-            scene.material.damping = 0.0;
+            scene.material.damping = 0.0.into();
         }
     }
     if motion != Motion::Free {

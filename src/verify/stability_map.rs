@@ -275,7 +275,7 @@ impl Subject {
         let mut material = scene.material.clone();
         material.gravity = Vec3::zeros();
         if point.axis == Axis::Stiffness {
-            material.stiffness = point.value;
+            material.stiffness = point.value.into();
         }
         let tangent = match scene.local.linearization {
             Linearization::Tangent(kind) => kind,
@@ -314,10 +314,13 @@ impl Subject {
                 inverse_mass.resize(patch.len() + patch.boundary.len(), 0.0);
                 let x: Vec<Vec3> = (0..inverse_mass.len()).map(|slot| mesh.nodes[patch.node(slot) as usize]).collect();
                 let mut undamped = material.clone();
-                undamped.damping = 0.0;
+                undamped.damping = 0.0.into();
                 let (undamped, _) = build(&undamped, ExteriorKind::Fixed, extent, Some(contact.triangle))?;
                 let omega = explicit_step_limit(&undamped.patch.springs, &x, &inverse_mass, 0.0).omega;
-                material.damping = 2.0 * material.stiffness * point.value / omega;
+                material.damping = material.stiffness.clone();
+                material.damping *= 2.0;
+                material.damping *= point.value;
+                material.damping /= omega;
             }
             (Axis::Stiffness | Axis::MassRatio, _) => {}
         }

@@ -7,7 +7,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from . import instrument as instruments
-from . import limit_surface, local_model, operators, velocity
+from . import equilibrium, limit_surface, local_model, operators, velocity
 from . import network as net
 from .phantom import WorkspaceError
 from .scene import SceneError
@@ -64,11 +64,12 @@ def run(scene, network):
     surface = limit_surface.build(scene["contact"].surface, network.triangles)
     instrument = instruments.build(scene)
     smoothing = instruments.Smoothing(scene["instrument"].smoothing_ticks)
-    if not surface.outside(instrument.tip, network.nodes):
+    start = equilibrium.settle(network) if scene.settle else network.nodes.copy()
+    if not surface.outside(instrument.tip, start):
         raise SceneError("the tip is inside the surface at t = 0")
     full = scene["local"].model == "full"
-    state = State(network.nodes.copy(), np.zeros_like(network.nodes))
-    shared = GlobalNetwork(scene, network, surface)
+    state = State(start, np.zeros_like(start))
+    shared = GlobalNetwork(scene, network, surface, start)
     pending, model, work, age = None, None, 0.0, 0
     if full:
         model = local_model.FullModel(network)
@@ -143,9 +144,10 @@ def fault_in(network, state, force):
 class GlobalNetwork:
     """The whole network, integrated over the cycle just past at every boundary."""
 
-    def __init__(self, scene, network, surface):
+    def __init__(self, scene, network, surface, start=None):
         self.scene, self.network, self.surface = scene, network, surface
-        self.x, self.v = network.nodes.copy(), np.zeros_like(network.nodes)
+        self.x = (network.nodes if start is None else start).copy()
+        self.v = np.zeros_like(self.x)
         self.ticks = []
         self.contact = None  # at the boundary before
 

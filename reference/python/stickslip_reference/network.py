@@ -135,8 +135,8 @@ def block(scene):
         raise SceneError("only blocks are generated here; take other meshes from a network.json")
     if mesh.nodes is None or mesh.spacing is None:
         raise SceneError("[mesh] needs nodes and spacing")
-    if material.stiffness is None:
-        raise SceneError("the block generator needs material.stiffness; take other materials from a network.json")
+    if (material.stiffness is None) == (material.young_modulus is None):
+        raise SceneError("[material] needs either stiffness or young_modulus")
     counts = np.array(mesh.nodes)
     iz, iy, ix = np.meshgrid(*(np.arange(c) for c in counts[::-1]), indexing="ij")
     grid = np.stack([ix, iy, iz], axis=-1).reshape(-1, 3)
@@ -144,8 +144,17 @@ def block(scene):
     nodes = (grid - offset) * mesh.spacing
     ends = block_springs(grid, counts, mesh.stencil)
     lengths = np.linalg.norm(nodes[ends[:, 1]] - nodes[ends[:, 0]], axis=1)
-    return Network(nodes, block_masses(grid, counts, mesh, material), block_fixed(nodes, grid, mesh.fixed), ends,
-                   np.full(len(ends), float(material.stiffness)), np.full(len(ends), float(material.damping)), lengths,
+    mass = block_masses(grid, counts, mesh, material)
+    if material.young_modulus is None:
+        stiffness = np.full(len(ends), float(material.stiffness))
+    else:
+        stiffness = elastic_springs(ends, counts, mesh, float(material.young_modulus))
+    if material.damping_ratio is None:
+        damping = np.full(len(ends), float(material.damping))
+    else:
+        i, j = ends.T
+        damping = 2.0 * material.damping_ratio * np.sqrt(stiffness * mass[i] * mass[j] / (mass[i] + mass[j]))
+    return Network(nodes, mass, block_fixed(nodes, grid, mesh.fixed), ends, stiffness, damping, lengths,
                    block_surface(counts), np.array(material.gravity, dtype=float), float(material.drag))
 
 
@@ -163,6 +172,28 @@ def block_springs(grid, counts, stencil):
         inside = ((other >= 0) & (other < counts)).all(axis=1)
         pairs.append(np.stack([node_number(grid[inside], counts), node_number(other[inside], counts)], axis=1))
     return np.sort(np.concatenate(pairs), axis=1)
+
+
+# Of E a: what a spring along an edge, a face diagonal and a body diagonal has inside a lattice whose cells are isotropic.
+ISOTROPIC = {"shear": (2 / 5, 2 / 5), "full": (3 / 5, 1 / 5, 3 / 20)}
+CELLS_AROUND = (4, 2, 1)  # an edge, a face diagonal, a body diagonal
+
+
+def elastic_springs(ends, counts, mesh, young_modulus):
+    """Stiffness of a lattice's springs as the sum over its cells: each gives a spring what it has inside, over the number
+    of cells that are around it there."""
+    if mesh.stencil not in ISOTROPIC:
+        raise SceneError("material.young_modulus needs a stencil that resists shear")
+    stiffness = {(i, j): 0.0 for i, j in ends.tolist()}
+    corners = np.array(list(itertools.product((0, 1), repeat=3)))
+    for first in itertools.product(*(range(count - 1) for count in counts)):
+        for a, b in itertools.combinations(corners, 2):
+            kind = np.abs(b - a).sum() - 1
+            if kind < len(ISOTROPIC[mesh.stencil]):
+                pair = tuple(sorted(int(node_number(np.array(first) + corner, counts)) for corner in (a, b)))
+                share = ISOTROPIC[mesh.stencil][kind] / CELLS_AROUND[kind]
+                stiffness[pair] += share * young_modulus * mesh.spacing
+    return np.array([stiffness[i, j] for i, j in ends.tolist()])
 
 
 def block_masses(grid, counts, mesh, material):
@@ -230,3 +261,14 @@ def write(network, path):
             "springs": springs, "triangles": network.triangles.tolist()}
     with open(path, "w") as file:
         json.dump(data, file)
+
+
+def check_material(network, scene):
+    """Raises unless springs and masses are those that the scene's Young's modulus and damping ratio give."""
+    own = block(scene)
+    order, given = (np.lexsort(np.sort(one.ends, axis=1).T[::-1]) for one in (own, network))
+    pairs = [(own.mass, network.mass)] + [(getattr(own, name)[order], getattr(network, name)[given])
+                                          for name in ("stiffness", "damping", "rest_length")]
+    for expected, actual in pairs:
+        if expected.shape != actual.shape or not (np.abs(actual - expected) <= 1e-12 * np.abs(expected)).all():
+            raise SceneError("the network's springs or masses are not those of the scene's material")

@@ -19,7 +19,7 @@ DEFAULTS = {
     "mesh": {"kind": "block", "nodes": OPTIONAL, "spacing": OPTIONAL, "stencil": "shear", "fixed": "bottom",
              "path": OPTIONAL, "scale": 1.0},
     "material": {"node_mass": OPTIONAL, "density": OPTIONAL, "stiffness": OPTIONAL, "young_modulus": OPTIONAL,
-                 "damping": REQUIRED, "gravity": [0.0, 0.0, 0.0], "drag": 0.0},
+                 "damping": OPTIONAL, "damping_ratio": OPTIONAL, "gravity": [0.0, 0.0, 0.0], "drag": 0.0},
     "global": {"rate": 10.0, "integrator": "semi-implicit-euler", "substeps": 100},
     "local": {"rate": 1000.0, "model": "patch", "rings": 1, "linearization": "tangent", "exterior": "fixed",
               "tangent": "exact", "integrator": "semi-implicit-euler", "condense_rings": "all"},
@@ -87,10 +87,11 @@ class Section(dict):
 
 
 class Scene:
-    """A scene with every default applied. `h` is the local tick in seconds, `cycle_ticks` the ticks of a cycle."""
+    """A scene with every default applied. `h` is the local tick in seconds, `cycle_ticks` the ticks of a cycle, `settle`
+    whether it starts in equilibrium."""
 
     def __init__(self, table, folder="."):
-        unknown = set(table) - set(DEFAULTS) - {"name", "duration"}
+        unknown = set(table) - set(DEFAULTS) - {"name", "duration", "settle"}
         if unknown:
             raise SceneError(f"unknown keys: {sorted(unknown)}")
         for section in ("mesh", "material", "contact", "instrument"):
@@ -120,6 +121,12 @@ class Scene:
                 self["local"].model == "full" or self["local"].linearization != "tangent"
                 or self["contact"].scheme != "velocity"):
             raise SceneError(f"local.integrator = {self['local'].integrator!r} needs the tangent and the velocity scheme")
+        material = self["material"]
+        if (material.damping is None) == (material.damping_ratio is None):
+            raise SceneError("[material] needs either damping or damping_ratio")
+        self.settle = table.get("settle", False)
+        if type(self.settle) is not bool or (self.settle and not any(material.gravity)):
+            raise SceneError("settle must be true or false, and true only with material.gravity")
         check_instrument(self["instrument"])
         self.waypoints = read_waypoints(self["instrument"], Path(folder))
 

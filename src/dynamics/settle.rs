@@ -1,0 +1,138 @@
+//! Static equilibrium of the full network under gravity: f(x, 0) = 0 by Newton's method, downhill in the energy.
+
+use thiserror::Error;
+
+use super::statics::Statics;
+use crate::Vec3;
+use crate::model::network::{ExternalForce, Network};
+use crate::model::springs::TangentKind;
+
+/// The largest force that may be left on a free node, as a share of the largest weight of one.
+pub const RESIDUAL: f64 = 1e-12;
+/// And as a share of the largest k L of a spring: what rounding of positions leaves.
+const ROUND_OFF: f64 = 1e-14;
+/// Far more than a network needs that hangs or stands; one that buckles takes dozens.
+const ITERATIONS: u32 = 200;
+/// A step is halved until the energy falls by this share of what the slope promises (Armijo), at most so often.
+const SUFFICIENT: f64 = 1e-4;
+const HALVINGS: u32 = 40;
+/// What is added to a stabilised tangent that is singular, as shares of the largest stiffness, one after the other.
+const SHIFTS: [f64; 5] = [0.0, 1e-6, 1e-4, 1e-2, 1.0];
+
+/// Why there is no equilibrium to start from.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum SettleError {
+    /// A piece without a fixed node.
+    #[error("node {node} hangs on no fixed node, so it falls and never settles")]
+    Floating {
+        /// The first of the piece.
+        node: u32,
+    },
+    /// Newton's method does not find it.
+    #[error("no equilibrium was found: {residual_n:e} N are left on a node, more than {tolerance_n:e} N")]
+    NotSettled {
+        /// The largest force left, N.
+        residual_n: f64,
+        /// What may be left, N.
+        tolerance_n: f64,
+    },
+}
+
+/// Positions at which no free node has a force on it, m, from rest. The tangent is the exact one, or the stabilised one
+/// where that is not definite, so that every step goes downhill: what is found is a minimum of the energy or, at worst,
+/// a flat place in it.
+///
+/// # Errors
+/// If a piece of the network has no fixed node, or no equilibrium is found.
+pub fn settle(network: &Network) -> Result<Vec<Vec3>, SettleError> {
+    if let Some(node) = floating(network) {
+        return Err(SettleError::Floating { node });
+    }
+    let mut statics = Statics::new(network.fixed.iter().map(|&fixed| [fixed; 3]));
+    let largest = |of: &mut dyn Iterator<Item = f64>| of.fold(0.0, f64::max);
+    let stiffest = largest(&mut network.springs.iter().map(|spring| spring.stiffness));
+    let tightest = largest(&mut network.springs.iter().map(|spring| spring.stiffness * spring.rest_length));
+    let heaviest = largest(&mut network.mass.iter().zip(&network.fixed).map(|(mass, &fixed)| {
+        let weight: f64 = network.external.iter().map(|force| weight(force, *mass)).sum();
+        if fixed { 0.0 } else { weight }
+    }));
+    let tolerance_n = (RESIDUAL * heaviest).max(ROUND_OFF * tightest);
+
+    let mut x = network.rest.clone();
+    let mut residual = Residual::at(network, &statics, &x);
+    for _ in 0..ITERATIONS {
+        if residual.largest <= tolerance_n && tolerance_n.is_finite() {
+            return Ok(x);
+        }
+        let mut tangents = std::iter::once((TangentKind::Exact, 0.0))
+            .chain(SHIFTS.map(|share| (TangentKind::Stabilised, share * stiffest)));
+        let step = tangents.find_map(|(kind, shift)| statics.displacements(network, &x, kind, shift, &residual.force));
+        let Some(step) = step else { break };
+        // Down the slope, since the matrix is definite.
+        let slope: f64 = residual.force.iter().zip(&step).map(|(force, step)| -force.dot(step)).sum();
+        let mut share = 1.0;
+        let next = (0..HALVINGS).find_map(|_| {
+            let trial: Vec<Vec3> = x.iter().zip(&step).map(|(x, step)| x + step * share).collect();
+            let at = Residual::at(network, &statics, &trial);
+            // Near the bottom the energy no longer shows which place is lower, the forces do.
+            let falls = at.energy <= residual.energy + SUFFICIENT * share * slope;
+            let level = at.energy <= residual.energy + ROUND_OFF * residual.size && at.largest < residual.largest;
+            share *= 0.5;
+            (falls || level).then_some((trial, at))
+        });
+        let Some((trial, at)) = next else { break };
+        (x, residual) = (trial, at);
+    }
+    Err(SettleError::NotSettled { residual_n: residual.largest, tolerance_n })
+}
+
+/// |m g|, N.
+fn weight(force: &ExternalForce, mass: f64) -> f64 {
+    match force {
+        ExternalForce::Gravity(g) => mass * g.norm(),
+        ExternalForce::Drag(_) => 0.0,
+    }
+}
+
+/// A free node from which no fixed one is reached along springs.
+fn floating(network: &Network) -> Option<u32> {
+    let mut reached = network.fixed.clone();
+    let mut front: Vec<u32> = (0..).zip(&reached).filter(|(_, is)| **is).map(|(node, _)| node).collect();
+    while let Some(node) = front.pop() {
+        for link in network.links(node) {
+            if !reached[link.other as usize] {
+                reached[link.other as usize] = true;
+                front.push(link.other);
+            }
+        }
+    }
+    (0..).zip(reached).find(|(_, is)| !is).map(|(node, _)| node)
+}
+
+/// Forces on free nodes, and the energy whose slope they are.
+struct Residual {
+    force: Vec<Vec3>,
+    /// The largest of them, N; NaN stays.
+    largest: f64,
+    /// Of springs and gravity, J, from rest.
+    energy: f64,
+    /// Sum of what the energy is made of, J: the scale of its rounding.
+    size: f64,
+}
+
+impl Residual {
+    fn at(network: &Network, statics: &Statics, x: &[Vec3]) -> Self {
+        let still = vec![Vec3::zeros(); x.len()];
+        let mut force = still.clone();
+        network.forces(x, &still, &mut force);
+        statics.free_part(&mut force);
+        let largest = force.iter().map(Vec3::norm).fold(0.0, |a, b| if b <= a { a } else { b });
+        let elastic = network.springs.elastic_energy(x);
+        let fallen = |force: &ExternalForce| -> f64 {
+            let nodes = network.mass.iter().zip(x).zip(&network.rest);
+            nodes.map(|((mass, x), rest)| force.potential(*mass, &(x - rest))).sum()
+        };
+        let gravity: f64 = network.external.iter().map(fallen).sum();
+        Self { force, largest, energy: elastic + gravity, size: elastic + gravity.abs() }
+    }
+}

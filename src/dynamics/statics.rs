@@ -1,0 +1,101 @@
+//! Linear statics of a network: displacements under loads, by a sparse Cholesky factorisation of −∂f/∂x.
+
+use faer::Side;
+use faer::prelude::Solve;
+use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
+use faer::sparse::{SparseColMat, Triplet};
+
+use crate::model::network::Network;
+use crate::model::springs::TangentKind;
+use crate::{Mat3, Vec3};
+
+/// The number of a component that is held.
+const HELD: usize = usize::MAX;
+
+/// Which components of displacements are solved for, and the order in which they are eliminated.
+#[derive(Debug, Clone)]
+pub struct Statics {
+    /// Number of each node's x, y and z among the unknowns, or [`HELD`].
+    number: Vec<[usize; 3]>,
+    unknowns: usize,
+    symbolic: Option<SymbolicLlt<usize>>,
+}
+
+impl Statics {
+    /// For nodes whose components are held (`true`) or free.
+    pub fn new(held: impl IntoIterator<Item = [bool; 3]>) -> Self {
+        let mut unknowns = 0;
+        let mut take = |held: bool| {
+            if held {
+                return HELD;
+            }
+            unknowns += 1;
+            unknowns - 1
+        };
+        let number = held.into_iter().map(|node| node.map(&mut take)).collect();
+        Self { number, unknowns, symbolic: None }
+    }
+
+    /// Of a vector for each node, the components that are solved for; the others zero.
+    pub fn free_part(&self, vectors: &mut [Vec3]) {
+        for (vector, number) in vectors.iter_mut().zip(&self.number) {
+            (0..3).filter(|&axis| number[axis] == HELD).for_each(|axis| vector[axis] = 0.0);
+        }
+    }
+
+    /// u with (−∂f/∂x + shift) u = load over the free components, m, from loads in N and a shift in N/m; zero where
+    /// components are held. Nothing if the matrix is not positive definite or the answer is not finite.
+    pub fn displacements(
+        &mut self,
+        network: &Network,
+        x: &[Vec3],
+        kind: TangentKind,
+        shift: f64,
+        load: &[Vec3],
+    ) -> Option<Vec<Vec3>> {
+        let mut u = vec![Vec3::zeros(); x.len()];
+        if self.unknowns == 0 {
+            return Some(u);
+        }
+        let matrix = self.matrix(network, x, kind, shift)?;
+        let symbolic = match &self.symbolic {
+            Some(symbolic) => symbolic.clone(),
+            None => SymbolicLlt::try_new(matrix.symbolic(), Side::Lower).ok()?,
+        };
+        self.symbolic = Some(symbolic.clone());
+        let factor = Llt::try_new_with_symbolic(symbolic, matrix.as_ref(), Side::Lower).ok()?;
+        let mut column = faer::Mat::<f64>::zeros(self.unknowns, 1);
+        let places = || self.number.iter().enumerate().flat_map(|(node, of)| (0..3).map(move |a| (node, a, of[a])));
+        places().filter(|place| place.2 != HELD).for_each(|(node, axis, i)| column[(i, 0)] = load[node][axis]);
+        factor.solve_in_place(column.as_mut());
+        places().filter(|place| place.2 != HELD).for_each(|(node, axis, i)| u[node][axis] = column[(i, 0)]);
+        u.iter().flat_map(|u| u.iter()).all(|u| u.is_finite()).then_some(u)
+    }
+
+    fn matrix(&self, network: &Network, x: &[Vec3], kind: TangentKind, shift: f64) -> Option<SparseColMat<usize, f64>> {
+        let mut triplets = Vec::with_capacity(self.unknowns + 24 * network.springs.len());
+        for number in &self.number {
+            for &i in number.iter().filter(|&&i| i != HELD) {
+                triplets.push(Triplet::new(i, i, shift));
+            }
+        }
+        // The lower triangle is all that is read.
+        let mut add = |rows: [usize; 3], columns: [usize; 3], block: &Mat3, sign: f64| {
+            for (a, b) in (0..9).map(|i| (i / 3, i % 3)) {
+                if rows[a] != HELD && columns[b] != HELD && rows[a] >= columns[b] {
+                    triplets.push(Triplet::new(rows[a], columns[b], sign * block[(a, b)]));
+                }
+            }
+        };
+        for spring in network.springs.iter() {
+            let [i, j] = spring.nodes.map(|node| node as usize);
+            let (block, _) = spring.jacobian(x[j] - x[i], Vec3::zeros(), kind);
+            let (i, j) = (self.number[i], self.number[j]);
+            for (own, other) in [(i, j), (j, i)] {
+                add(own, own, &block, 1.0);
+                add(own, other, &block, -1.0);
+            }
+        }
+        SparseColMat::try_new_from_triplets(self.unknowns, self.unknowns, &triplets).ok()
+    }
+}

@@ -1,0 +1,273 @@
+//! From the constants of a material to those of springs and nodes.
+//!
+//! Springs with central forces, of stiffness k, length L and direction n, store the energy of an elastic solid with
+//! C_ijkl = Σ k L² n_i n_j n_k n_l / V. That is symmetric in all four indices (Cauchy), so an isotropic network has
+//! λ = μ: Poisson's ratio is 1/4, whatever its stiffness, and E = 5μ/2. Contracted, C_iijj = Σ k L²/V = 6E: a network
+//! can be right on average over all strains without being isotropic.
+
+use std::fmt;
+use std::ops::{DivAssign, MulAssign};
+
+use thiserror::Error;
+
+use super::mesh::{Block, Mesh, Stencil};
+
+/// Poisson's ratio of every isotropic network of central springs.
+pub const POISSON_RATIO: f64 = 0.25;
+
+/// Below this share of the mean volume a tetrahedron is flat: what its springs would get is round-off.
+const FLAT: f64 = 1e-12;
+
+/// A constant of springs.
+#[derive(Debug, Clone, PartialEq)]
+pub enum PerSpring {
+    /// The same for all.
+    Same(f64),
+    /// One for each edge of the mesh, in its order.
+    Each(Vec<f64>),
+}
+
+impl PerSpring {
+    /// Of the spring along an edge; NaN where the mesh has more edges than there are values.
+    pub fn at(&self, edge: usize) -> f64 {
+        match self {
+            PerSpring::Same(value) => *value,
+            PerSpring::Each(values) => values.get(edge).copied().unwrap_or(f64::NAN),
+        }
+    }
+
+    /// The smallest and the largest.
+    pub fn range(&self) -> [f64; 2] {
+        match self {
+            PerSpring::Same(value) => [*value; 2],
+            PerSpring::Each(values) => {
+                let fold = |of: fn(f64, f64) -> f64| values.iter().copied().reduce(of).unwrap_or(0.0);
+                [fold(f64::min), fold(f64::max)]
+            }
+        }
+    }
+
+    fn for_each(&mut self, change: impl FnMut(&mut f64)) {
+        match self {
+            PerSpring::Same(value) => std::slice::from_mut(value),
+            PerSpring::Each(values) => values,
+        }
+        .iter_mut()
+        .for_each(change);
+    }
+}
+
+impl From<f64> for PerSpring {
+    fn from(value: f64) -> Self {
+        PerSpring::Same(value)
+    }
+}
+
+impl MulAssign<f64> for PerSpring {
+    fn mul_assign(&mut self, factor: f64) {
+        self.for_each(|value| *value *= factor);
+    }
+}
+
+impl DivAssign<f64> for PerSpring {
+    fn div_assign(&mut self, divisor: f64) {
+        self.for_each(|value| *value /= divisor);
+    }
+}
+
+/// The value, or the smallest and the largest.
+impl fmt::Display for PerSpring {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [smallest, largest] = self.range();
+        match self {
+            PerSpring::Same(value) => write!(f, "{value}"),
+            PerSpring::Each(_) => write!(f, "{smallest:.4} to {largest:.4}"),
+        }
+    }
+}
+
+/// How the springs of tetrahedra are told from Young's modulus. Tetrahedra do not fill space isotropically: neither is
+/// exact, and neither becomes so under refinement.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Identification {
+    /// k = E Σ V/L² over the tetrahedra around an edge: each gives each of its edges the same k L², so that C_iijj is
+    /// that of the solid in every mesh. A. Van Gelder, "Approximate simulation of elastic membranes by triangulated
+    /// spring meshes", Journal of Graphics Tools 3(2), 1998.
+    #[default]
+    VanGelder,
+    /// k = E Σ (2√2/25) L over the tetrahedra around an edge: for a regular one the nearest to the solid in all entries
+    /// of C, 24/25 of what Van Gelder gives; in an irregular one a longer edge gets more. B. Lloyd, G. Székely,
+    /// M. Harders, "Identification of spring parameters for deformable object simulation", IEEE Transactions on
+    /// Visualization and Computer Graphics 13(5), 2007, for regular tetrahedra.
+    Lloyd,
+}
+
+impl Identification {
+    /// All.
+    pub const ALL: [Self; 2] = [Self::VanGelder, Self::Lloyd];
+
+    /// Its name in a scene.
+    pub fn name(self) -> &'static str {
+        match self {
+            Identification::VanGelder => "van-gelder",
+            Identification::Lloyd => "lloyd",
+        }
+    }
+}
+
+/// Why a mesh cannot be given a material's constants.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum MaterialError {
+    /// A lattice of edges alone.
+    #[error(
+        "a \"structural\" lattice resists no shear, so it has no Young's modulus; \"shear\" and \"full\" ones have"
+    )]
+    NoShear,
+    /// A surface.
+    #[error("the mesh is a surface: without tetrahedra it has no volume to be filled")]
+    NoVolume,
+    /// A tetrahedron that is flat or turned inside out.
+    #[error("tetrahedron {index} has a volume of {volume:e} m³")]
+    Flat {
+        /// Its number, from 0.
+        index: usize,
+        /// m³.
+        volume: f64,
+    },
+    /// An edge of no tetrahedron.
+    #[error("the spring between nodes {} and {} belongs to no tetrahedron", nodes[0], nodes[1])]
+    Loose {
+        /// Its ends.
+        nodes: [u32; 2],
+    },
+}
+
+/// What fills the body whose springs and masses are looked for.
+#[derive(Debug, Clone, Copy)]
+pub enum Bulk<'a> {
+    /// The cells of a block's lattice.
+    Lattice(&'a Block),
+    /// A mesh's tetrahedra.
+    Tetrahedra(&'a Mesh),
+    /// Nothing: a surface, or layers of one.
+    Shell,
+}
+
+impl Bulk<'_> {
+    /// k of every edge, N/m, for Young's modulus E in Pa. Lattices are isotropic, and take no identification.
+    ///
+    /// In a lattice of spacing a, a spring inside belongs to several cells, on the block's boundary to fewer: it gets
+    /// the share of the cells that are there. Any affine strain then has exactly the energy of the solid.
+    ///
+    /// # Errors
+    /// If the mesh resists no shear, or is not filled with tetrahedra.
+    ///
+    /// ```
+    /// use stickslip::model::material::{Bulk, Identification};
+    /// use stickslip::model::mesh::{Block, Stencil};
+    /// let block = Block { nodes: [3; 3], spacing: 0.01, stencil: Stencil::Shear };
+    /// let stiffness = Bulk::Lattice(&block).stiffness(5e3, Identification::default()).expect("it resists shear");
+    /// // 2Ea/5 inside; the first edge lies along an edge of the block.
+    /// assert_eq!((stiffness.iter().fold(0.0, |a, b| b.max(a)), stiffness[0]), (20.0, 5.0));
+    /// ```
+    pub fn stiffness(&self, young_modulus: f64, identification: Identification) -> Result<Vec<f64>, MaterialError> {
+        match self {
+            Bulk::Lattice(block) => {
+                let inside = lattice_stiffness(block.stencil, young_modulus * block.spacing)?;
+                Ok(block
+                    .edge_shares()
+                    .map(|(axes, share)| share * inside[usize::from(axes).saturating_sub(1)])
+                    .collect())
+            }
+            Bulk::Tetrahedra(mesh) => tetrahedral_stiffness(mesh, young_modulus, identification),
+            Bulk::Shell => Err(MaterialError::NoVolume),
+        }
+    }
+
+    /// The volume that each node stands for, m³: an equal part of every cell or tetrahedron at whose corner it is.
+    ///
+    /// # Errors
+    /// If the mesh is not filled with tetrahedra.
+    pub fn node_volumes(&self) -> Result<Vec<f64>, MaterialError> {
+        match self {
+            Bulk::Lattice(block) => {
+                let cell = block.spacing.powi(3);
+                let count = block.nodes.iter().product();
+                Ok((0..count).map(|node| cell / f64::from(1 << block.boundary_directions(node))).collect())
+            }
+            Bulk::Tetrahedra(mesh) => {
+                let mut volumes = vec![0.0; mesh.nodes.len()];
+                for (corners, volume) in mesh.tetrahedra.iter().zip(tetrahedral_volumes(mesh)?) {
+                    corners.iter().for_each(|&node| volumes[node as usize] += volume / 4.0);
+                }
+                Ok(volumes)
+            }
+            Bulk::Shell => Err(MaterialError::NoVolume),
+        }
+    }
+}
+
+/// k of springs along edges, face diagonals and body diagonals inside a lattice, N/m, from E·a.
+///
+/// A cell has three of the first, six of the second, four of the third: with those k₁, k₂, k₃, a C₁₁ is
+/// k₁ + 2k₂ + 4k₃/3 and a C₁₂ = a C₄₄ is k₂ + 4k₃/3. Isotropic is C₁₁ = 3C₁₂, and C₄₄ = μ = 2E/5. Without body
+/// diagonals that leaves k₁ = k₂ = 2Ea/5; with them one choice, here that face and body diagonals give equal parts of
+/// μ.
+fn lattice_stiffness(stencil: Stencil, ea: f64) -> Result<[f64; 3], MaterialError> {
+    match stencil {
+        Stencil::Structural => Err(MaterialError::NoShear),
+        Stencil::Shear => Ok([0.4 * ea, 0.4 * ea, 0.0]),
+        Stencil::Full => Ok([0.6 * ea, 0.2 * ea, 0.15 * ea]),
+    }
+}
+
+fn tetrahedral_volumes(mesh: &Mesh) -> Result<Vec<f64>, MaterialError> {
+    if mesh.tetrahedra.is_empty() {
+        return Err(MaterialError::NoVolume);
+    }
+    let volumes: Vec<f64> = mesh.tetrahedra.iter().map(|corners| mesh.tetrahedron_volume(*corners)).collect();
+    let mean = volumes.iter().map(|volume| volume.abs()).sum::<f64>() / volumes.len() as f64;
+    match volumes.iter().position(|&volume| !(volume > FLAT * mean)) {
+        Some(index) => Err(MaterialError::Flat { index, volume: volumes[index] }),
+        None => Ok(volumes),
+    }
+}
+
+fn tetrahedral_stiffness(
+    mesh: &Mesh,
+    young_modulus: f64,
+    identification: Identification,
+) -> Result<Vec<f64>, MaterialError> {
+    let sorted = |[i, j]: [u32; 2]| (i.min(j), i.max(j));
+    let edges: std::collections::HashMap<(u32, u32), usize> =
+        mesh.edges.iter().enumerate().map(|(edge, &nodes)| (sorted(nodes), edge)).collect();
+    let mut stiffness = vec![0.0; mesh.edges.len()];
+    for (&[a, b, c, d], volume) in mesh.tetrahedra.iter().zip(tetrahedral_volumes(mesh)?) {
+        for nodes in [[a, b], [a, c], [a, d], [b, c], [b, d], [c, d]] {
+            let Some(&edge) = edges.get(&sorted(nodes)) else { continue };
+            let along = mesh.nodes[nodes[1] as usize] - mesh.nodes[nodes[0] as usize];
+            stiffness[edge] += young_modulus
+                * match identification {
+                    Identification::VanGelder => volume / along.norm_squared(),
+                    Identification::Lloyd => 2.0 * 2.0_f64.sqrt() / 25.0 * along.norm(),
+                };
+        }
+    }
+    match stiffness.iter().position(|&k| !(k > 0.0)) {
+        Some(edge) => Err(MaterialError::Loose { nodes: mesh.edges[edge] }),
+        None => Ok(stiffness),
+    }
+}
+
+/// c of every edge, N·s/m: the fraction ζ of critical damping of the two nodes on their spring,
+/// c = 2ζ√(k m_ij) with 1/m_ij = 1/m_i + 1/m_j, whether a node is fixed or not.
+///
+/// It is ζ of that pair alone. In a network of equal springs and masses a mode of angular frequency ω is damped by
+/// ζω√(m/2k): the slowest by far less, the fastest by two or three times ζ.
+pub fn pair_damping(mesh: &Mesh, stiffness: &PerSpring, node_mass: &[f64], ratio: f64) -> Vec<f64> {
+    let damping = |(edge, &[i, j]): (usize, &[u32; 2])| {
+        let [mi, mj] = [i, j].map(|node| node_mass[node as usize]);
+        2.0 * ratio * (stiffness.at(edge) * (mi * mj / (mi + mj))).sqrt()
+    };
+    mesh.edges.iter().enumerate().map(damping).collect()
+}
