@@ -1,5 +1,5 @@
 //! The same networks, the same step and as many steps by this library and by what people use else, one process each,
-//! taking turns: time per spring and step, memory, and the error against a fine step.
+//! taking turns: processor time per spring and step, memory, and the error against a fine step.
 //!
 //! `reference/peers/install`, then `cargo bench --bench peers`; names of networks after `--` choose some.
 
@@ -25,8 +25,8 @@ use crate::peer::{Failure, PEERS, Peer, Program, Running};
 const STEPS: u32 = 100;
 /// Steps of the reference, RK4, in one step: its own error is some 1e-9 of a semi-implicit step's.
 const SUBSTEPS: u32 = 16;
-/// For any one answer: building the model, or the trajectory. A peer that needs longer is cut off.
-const BUDGET: Duration = Duration::from_secs(60);
+/// For any one answer, by the clock: building the model, or the trajectory. A peer that needs longer is cut off.
+const BUDGET: Duration = Duration::from_secs(120);
 /// Rounds of one network. A peer leaves them, within limits, when its turns have taken so many seconds.
 const TURNS_BUDGET: f64 = 15.0;
 const LEAST_ROUNDS: usize = 3;
@@ -243,7 +243,7 @@ impl Contender {
     }
 }
 
-/// Runs the trajectory, s.
+/// Runs the trajectory: its processor time, s.
 fn seconds(running: &mut Running) -> Result<f64, Failure> {
     let command = format!("run {STEPS}");
     let answer = running.ask(&command, BUDGET)?;

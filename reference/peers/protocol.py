@@ -7,7 +7,7 @@ line of standard input with one line of standard output:
 
     build    makes the model in the initial state: "built"
     reset    goes back to the initial state: "reset"
-    run N    does N steps: the seconds they took
+    run N    does N steps: the processor time they took, s, of all threads, so that waiting for a CPU does not count
     state    the positions, m, as JSON: [[x, y, z], ...]
 
 What a peer brings is `build(network) -> simulation`, with `simulation.reset()`, `.run(steps)`, `.positions()`.
@@ -91,9 +91,9 @@ def serve(build):
                 simulation.reset()
                 answer("reset")
             case ["run", steps]:
-                start = time.perf_counter()
+                start = time.process_time()
                 simulation.run(int(steps))
-                answer(repr(time.perf_counter() - start))
+                answer(repr(time.process_time() - start))
             case ["state"]:
                 answer(json.dumps(simulation.positions().tolist()))
             case _:
