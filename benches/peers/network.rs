@@ -36,16 +36,17 @@ pub struct NetworkFile {
     step: f64,
 }
 
-/// What is compared on: `(name, network)`, from few springs to many, then the irregular ones.
-pub fn cases() -> Vec<(&'static str, NetworkFile)> {
-    vec![
-        ("block-125", NetworkFile::new(&block(5), 1)),
-        ("block-1000", NetworkFile::new(&block(10), 1)),
-        ("block-4096", NetworkFile::new(&block(16), 1)),
-        ("block-32768", NetworkFile::new(&block(32), 1)),
-        ("ball-4169", NetworkFile::new(&ball(10), 4)),
-        ("shuffled-4096", NetworkFile::new(&shuffled(&block(16)), 1)),
-    ]
+/// What is compared on, each with its name: blocks from few springs to many, then the irregular ones.
+pub fn cases() -> Vec<(String, NetworkFile)> {
+    let networks = [
+        ("block", NetworkFile::new(&block(5), 1)),
+        ("block", NetworkFile::new(&block(10), 1)),
+        ("block", NetworkFile::new(&block(16), 1)),
+        ("block", NetworkFile::new(&block(32), 1)),
+        ("ball", NetworkFile::new(&ball(10), 4)),
+        ("shuffled", NetworkFile::new(&shuffled(&block(16)), 1)),
+    ];
+    networks.into_iter().map(|(kind, file)| (format!("{kind}-{}", file.node_count()), file)).collect()
 }
 
 fn block(side: usize) -> Mesh {

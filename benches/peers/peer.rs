@@ -28,9 +28,9 @@ pub struct Peer {
     pub agreement: Option<f64>,
 }
 
-/// The first is what the others are held against.
+/// All of them compute in one thread. The first is what the others are held against.
 ///
-/// Agreement: sums of some 26 forces a node in another order are off by a few roundings of 1e-16 a step, which a hundred
+/// Agreement: sums of some 26 forces a node in another order are off by a few roundings of 1e-16 a step, which fifty
 /// steps add up and a lightly damped network keeps. In single precision a rounding is 6e-8, and positions are up to ten
 /// times as large as displacements.
 pub const PEERS: [Peer; 7] = [
@@ -83,12 +83,21 @@ pub const PEERS: [Peer; 7] = [
 pub enum Failure {
     #[error("cut off: no answer to `{to}` within {} s", .budget.as_secs())]
     Budget { to: String, budget: Duration },
+    #[error("not tried: cut off at {springs} springs")]
+    NotTried { springs: usize },
     #[error("ended at `{to}`; see {log}")]
     Ended { to: String, log: String },
     #[error("answered `{answer}` to `{to}`")]
     Answer { to: String, answer: String },
     #[error(transparent)]
     Io(#[from] io::Error),
+}
+
+impl Failure {
+    /// Whether it only took too long.
+    pub fn is_for_time(&self) -> bool {
+        matches!(self, Failure::Budget { .. } | Failure::NotTried { .. })
+    }
 }
 
 /// A peer that runs. Dropped, it is ended.
