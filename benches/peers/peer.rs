@@ -1,0 +1,181 @@
+//! Peers as processes that answer: what there is, how one is started, asked and watched.
+
+use std::fs::{self, File};
+use std::io::{self, BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::Duration;
+
+/// What simulates.
+#[derive(Debug, Clone, Copy)]
+pub enum Program {
+    /// This program, by an integrator of the library.
+    Ours(&'static str),
+    /// A file in `reference/peers`, and its second argument.
+    Python(&'static str, &'static str),
+}
+
+/// A row of the table.
+#[derive(Debug, Clone, Copy)]
+pub struct Peer {
+    pub name: &'static str,
+    pub program: Program,
+    /// What it does otherwise than the first.
+    pub differs: &'static str,
+    /// By how much its positions may differ from the first's, in units of the initial displacement; none where the
+    /// scheme is another one.
+    pub agreement: Option<f64>,
+}
+
+/// All of them compute in one thread. The first is what the others are held against.
+///
+/// Agreement: sums of some 26 forces a node in another order are off by a few roundings of 1e-16 a step, which fifty
+/// steps add up and a lightly damped network keeps. In single precision a rounding is 6e-8, and positions are up to ten
+/// times as large as displacements.
+pub const PEERS: [Peer; 7] = [
+    Peer {
+        name: "stickslip semi-implicit Euler",
+        program: Program::Ours("semi-implicit-euler"),
+        differs: "",
+        agreement: Some(0.0),
+    },
+    Peer {
+        name: "MuJoCo Euler",
+        program: Program::Python("in_mujoco.py", "Euler"),
+        differs: "the same scheme; bodies and tendons, general machinery",
+        agreement: Some(1e-12),
+    },
+    Peer {
+        name: "Newton SolverSemiImplicit",
+        program: Program::Python("in_newton.py", ""),
+        differs: "the same scheme in float32; steps captured, no contacts",
+        agreement: Some(1e-4),
+    },
+    Peer {
+        name: "Warp kernel",
+        program: Program::Python("in_warp.py", ""),
+        differs: "the same scheme; steps captured",
+        agreement: Some(1e-11),
+    },
+    Peer {
+        name: "numpy",
+        program: Program::Python("in_numpy.py", ""),
+        differs: "the same scheme",
+        agreement: Some(1e-12),
+    },
+    Peer {
+        name: "stickslip implicit Euler",
+        program: Program::Ours("implicit-euler"),
+        differs: "implicit: Newton's method, sparse Cholesky",
+        agreement: None,
+    },
+    Peer {
+        name: "MuJoCo discrete",
+        program: Program::Python("in_mujoco.py", "discrete"),
+        differs: "implicit, linearised, without geometric stiffness; iterative",
+        agreement: None,
+    },
+];
+
+/// Why a peer has no figures.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    #[error("cut off: no answer to `{to}` within {} s", .budget.as_secs())]
+    Budget { to: String, budget: Duration },
+    #[error("not tried: cut off at {springs} springs")]
+    NotTried { springs: usize },
+    #[error("ended at `{to}`; see {log}")]
+    Ended { to: String, log: String },
+    #[error("answered `{answer}` to `{to}`")]
+    Answer { to: String, answer: String },
+    #[error(transparent)]
+    Io(#[from] io::Error),
+}
+
+impl Failure {
+    /// Whether it only took too long.
+    pub fn is_for_time(&self) -> bool {
+        matches!(self, Failure::Budget { .. } | Failure::NotTried { .. })
+    }
+}
+
+/// A peer that runs. Dropped, it is ended.
+pub struct Running {
+    child: Child,
+    commands: ChildStdin,
+    answers: Receiver<String>,
+    log: String,
+}
+
+impl Running {
+    /// Starts a peer on a network; `directory` holds the environment of Python and takes what it prints.
+    pub fn start(peer: &Peer, directory: &Path, network: &Path) -> Result<Self, Failure> {
+        let directory = fs::canonicalize(directory)?;
+        let mut command = match peer.program {
+            Program::Ours(integrator) => {
+                let mut command = Command::new(std::env::current_exe()?);
+                command.args(["serve", integrator]).arg(fs::canonicalize(network)?);
+                command
+            }
+            Program::Python(script, argument) => {
+                let mut command = Command::new(directory.join("venv/bin/python"));
+                let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("reference/peers").join(script);
+                command.arg(script).arg(fs::canonicalize(network)?).arg(argument);
+                command
+            }
+        };
+        let log = directory.join(format!("{}.log", peer.name.to_lowercase().replace(' ', "-")));
+        let mut child = command
+            // MuJoCo leaves a log where it runs, Warp keeps compiled kernels.
+            .current_dir(&directory)
+            .env("WARP_CACHE_PATH", directory.join("warp"))
+            .envs(["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"].map(|name| (name, "1")))
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(File::create(&log)?)
+            .spawn()?;
+        let log = log.display().to_string();
+        let commands = child.stdin.take().ok_or_else(|| io::Error::other("no pipe to the peer"))?;
+        let output = child.stdout.take().ok_or_else(|| io::Error::other("no pipe from the peer"))?;
+        let (sender, answers) = channel();
+        std::thread::spawn(move || {
+            for line in BufReader::new(output).lines().map_while(Result::ok) {
+                if sender.send(line).is_err() {
+                    return;
+                }
+            }
+        });
+        Ok(Self { child, commands, answers, log })
+    }
+
+    /// Sends a command and waits for its answer.
+    pub fn ask(&mut self, command: &str, budget: Duration) -> Result<String, Failure> {
+        // A peer that has ended is noticed when its answer does not come.
+        let _ = writeln!(self.commands, "{command}");
+        self.answer(command, budget)
+    }
+
+    /// Waits for an answer.
+    pub fn answer(&mut self, to: &str, budget: Duration) -> Result<String, Failure> {
+        self.answers.recv_timeout(budget).map_err(|error| match error {
+            RecvTimeoutError::Timeout => Failure::Budget { to: to.to_owned(), budget },
+            RecvTimeoutError::Disconnected => Failure::Ended { to: to.to_owned(), log: self.log.clone() },
+        })
+    }
+
+    /// What it has in memory, bytes; none where Linux's /proc is not.
+    pub fn resident_bytes(&self) -> Option<u64> {
+        let status = fs::read_to_string(format!("/proc/{}/status", self.child.id())).ok()?;
+        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
+        Some(1024 * line.trim().strip_suffix(" kB")?.parse::<u64>().ok()?)
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
