@@ -72,7 +72,7 @@ fn ball(radius: usize) -> Mesh {
         })
         .collect();
     let edges = cube.edges.iter().filter_map(|&[i, j]| Some([number[i as usize]?, number[j as usize]?])).collect();
-    Mesh { nodes, edges, triangles: Vec::new() }
+    Mesh { nodes, edges, triangles: Vec::new(), tetrahedra: Vec::new() }
 }
 
 /// The same mesh with its nodes numbered at random: no two springs join the same distance in the numbering but by
@@ -84,7 +84,7 @@ fn shuffled(mesh: &Mesh) -> Mesh {
     let mut nodes = mesh.nodes.clone();
     mesh.nodes.iter().zip(&number).for_each(|(node, &to)| nodes[to as usize] = *node);
     let edges = mesh.edges.iter().map(|edge| edge.map(|node| number[node as usize])).collect();
-    Mesh { nodes, edges, triangles: Vec::new() }
+    Mesh { nodes, edges, triangles: Vec::new(), tetrahedra: Vec::new() }
 }
 
 impl NetworkFile {
