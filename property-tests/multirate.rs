@@ -2,12 +2,12 @@
 //! model is the network itself.
 
 use stickslip::Vec3;
-use stickslip::dynamics::global::SyncMode;
+use stickslip::dynamics::global::{CycleMessage, Keep, SyncMode, Trajectory};
 use stickslip::dynamics::integrators::GlobalIntegrator;
 use stickslip::model::local::{ExteriorKind, Linearization, LocalSettings};
 use stickslip::model::patch::Extent;
 use stickslip::model::springs::TangentKind;
-use stickslip::pipeline;
+use stickslip::pipeline::{self, Simulation};
 use stickslip::scene::Scene;
 
 use crate::check::{PRESS_AND_DRAG, Worst, relative_rms, run, small_scene};
@@ -151,4 +151,30 @@ fn stabilised_tangent_differs_only_under_compression() {
     // The first model is built at rest, where no spring is compressed.
     assert_eq!(exact[..100], stabilised[..100]);
     assert_ne!(exact[100..], stabilised[100..]);
+}
+
+/// In real time, notes of ticks are lost when the global side is late by cycles: the patch then stays where it was last.
+#[test]
+fn a_path_with_gaps_is_replayed_as_far_as_it_goes() {
+    let scene = small_scene(LAWS[0], "rings = 1", PRESS_AND_DRAG);
+    let ticks = scene.ticks_per_cycle as usize;
+    for keep in [Keep::Path, Keep::End] {
+        for recorded in [0, 1, ticks - 1] {
+            let (mut global, local) = Simulation::prepare(&scene).expect("it starts").into_sides();
+            let m = local.model().patch.len();
+            let mut trajectory = Trajectory::new(keep);
+            trajectory.begin(local.model(), local.state(), 0, ticks);
+            let moved: Vec<Vec3> = local.state().x[..m].iter().map(|x| x + Vec3::z() * 1e-3).collect();
+            let v = vec![Vec3::zeros(); m];
+            (0..recorded).for_each(|_| trajectory.record_at(&moved, &v));
+            // Of another patch, whose beginning was lost.
+            trajectory.record_at(&moved[1..], &v[1..]);
+            global.catch_up(&CycleMessage { trajectory, contact: None, tip: Vec3::zeros() }).expect("explicit steps");
+            let expected = if recorded == 0 { &local.state().x[..m] } else { &moved[..] };
+            for (&node, expected) in local.model().patch.nodes.iter().zip(expected) {
+                assert_eq!(global.state().x[node as usize], *expected, "{keep:?}, {recorded} ticks");
+            }
+            assert!(global.state().x.iter().all(|x| x.iter().all(|x| x.is_finite())));
+        }
+    }
 }

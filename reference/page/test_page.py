@@ -1,6 +1,7 @@
 """The report in a browser: it draws and plays, asks for nothing from outside, and fits where it is shown."""
 
 import io
+import time
 from contextlib import contextmanager
 
 import pytest
@@ -45,11 +46,12 @@ def brightness(image):
 
 def eventually(page, holds):
     """Whether it comes to hold before one loses patience: a slow machine draws late."""
-    for _ in range(100):
-        if holds():
-            return True
+    patience = time.monotonic() + 15
+    while not holds():
+        if time.monotonic() > patience:
+            return False
         page.wait_for_timeout(100)
-    return False
+    return True
 
 
 def canvas(page):

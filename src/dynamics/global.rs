@@ -119,10 +119,10 @@ impl Trajectory {
         self.record_at(&state.x[..m], &state.v[..m]);
     }
 
-    /// The same where positions and velocities of the patch nodes are given. Allocates nothing within the ticks that
-    /// were announced.
+    /// The same where positions and velocities of the patch nodes are given; those of other nodes than the segment began
+    /// with are not taken. Allocates nothing within the ticks that were announced.
     pub fn record_at(&mut self, x: &[Vec3], v: &[Vec3]) {
-        if let Some(segment) = self.segments.last_mut() {
+        if let Some(segment) = self.segments.last_mut().filter(|segment| segment.nodes.len() == x.len()) {
             if self.keep == Keep::End {
                 segment.x.clear();
                 segment.v.clear();
@@ -138,14 +138,16 @@ impl Trajectory {
     }
 
     /// Sets the nodes of the patch in use to where they were in a tick, at `time`, in ticks from the
-    /// start of the cycle: linear between the tick's start and end.
+    /// start of the cycle: linear between the tick's start and end. A tick that was not recorded (in real time, notes of it
+    /// can be lost) leaves them where they were last.
     fn prescribe(&self, tick: usize, time: f64, state: &mut State) {
         let Some(segment) = self.segment(tick) else { return };
         let m = segment.nodes.len();
         let fraction = time - tick as f64;
         let at = (tick - segment.first_tick) * m;
         let between = |values: &[Vec3], i: usize| {
-            let (start, end) = (values[at + i], values[at + m + i]);
+            let last = values.len() - m;
+            let (start, end) = (values[at.min(last) + i], values[(at + m).min(last) + i]);
             if fraction == 1.0 { end } else { start + (end - start) * fraction }
         };
         for (i, &node) in segment.nodes.iter().enumerate() {

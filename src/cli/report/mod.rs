@@ -194,27 +194,24 @@ fn stability_verdict(file: &StabilityFile) -> Verdict {
     Verdict { what: "stability".to_owned(), outcome, reason: file.counts(), decides: true, section: "stability" }
 }
 
-/// A short one: for its section and its two verdicts, which say something of this machine.
+/// A short one, with its two verdicts, which say something of this machine. If it cannot be made, the rest still stands.
 #[cfg(all(feature = "realtime", target_os = "linux"))]
 fn certificate(verdicts: &mut Vec<Verdict>, out: &Path) -> miette::Result<(Option<serde_json::Value>, Markup)> {
     use miette::IntoDiagnostic;
 
     use crate::realtime::certificate::Verdict as Found;
 
-    let (certificate, section) = super::certify::brief(&shipped(LOOP_SCENE)?, CERTIFICATE_S, out)?;
+    let (certificate, section) = match super::certify::brief(&shipped(LOOP_SCENE)?, CERTIFICATE_S, out) {
+        Ok(made) => made,
+        Err(error) => return Ok((None, not_certified(verdicts, Outcome::Fail, &error.to_string()))),
+    };
     let outcome = |found: Found| match found {
         Found::Pass => Outcome::Pass,
         Found::Inconclusive => Outcome::Inconclusive,
         Found::Fail => Outcome::Fail,
     };
-    let mut add = |what: &str, found, reasons: &[String]| {
-        verdicts.push(Verdict {
-            what: format!("certificate, {what}"),
-            outcome: outcome(found),
-            reason: reasons.join("; "),
-            decides: false,
-            section: "certificate",
-        });
+    let mut add = |part: &str, found, reasons: &[String]| {
+        verdicts.push(certified(&format!("certificate, {part}"), outcome(found), &reasons.join("; ")));
     };
     add("compute", certificate.compute.verdict, &certificate.compute.reasons);
     add("platform", certificate.platform.verdict, &certificate.platform.reasons);
@@ -224,14 +221,17 @@ fn certificate(verdicts: &mut Vec<Verdict>, out: &Path) -> miette::Result<(Optio
 #[cfg(not(all(feature = "realtime", target_os = "linux")))]
 fn certificate(verdicts: &mut Vec<Verdict>, _: &Path) -> miette::Result<(Option<serde_json::Value>, Markup)> {
     let reason = "this program was built without real time, which needs Linux and the feature `realtime`";
-    verdicts.push(Verdict {
-        what: "certificate".to_owned(),
-        outcome: Outcome::Inconclusive,
-        reason: reason.to_owned(),
-        decides: false,
-        section: "certificate",
-    });
-    Ok((None, html! { h2 #certificate { "Certificate of the servo loop" } p { "Not made: " (reason) "." } }))
+    Ok((None, not_certified(verdicts, Outcome::Inconclusive, reason)))
+}
+
+fn certified(what: &str, outcome: Outcome, reason: &str) -> Verdict {
+    let (what, reason) = (what.to_owned(), reason.to_owned());
+    Verdict { what, outcome, reason, decides: false, section: "certificate" }
+}
+
+fn not_certified(verdicts: &mut Vec<Verdict>, outcome: Outcome, reason: &str) -> Markup {
+    verdicts.push(certified("certificate", outcome, reason));
+    html! { h2 #certificate { "Certificate of the servo loop" } p { "Not made: " (reason) "." } }
 }
 
 fn whole_page(verdicts: &[Verdict], sections: &[Markup]) -> Markup {
