@@ -100,7 +100,9 @@
       const lines = new THREE.LineSegments(share(edges(run.triangles)), new THREE.LineBasicMaterial({ color: colours.line }));
       this.patch = nodes(run.moving.length, colours.patch);
       this.fixed = nodes(run.fixed.length, colours.fixed);
-      this.tip = new THREE.Mesh(new THREE.SphereGeometry(1.3 * dot, 24, 16), new THREE.MeshLambertMaterial({ color: colours.tip }));
+      // The tip is seen through the walls of the pit that it makes.
+      this.tip = new THREE.Mesh(new THREE.SphereGeometry(1.3 * dot, 24, 16), new THREE.MeshLambertMaterial({ color: colours.tip, depthTest: false }));
+      this.tip.renderOrder = 1;
       this.arrow = new THREE.Group();
       const paint = new THREE.MeshLambertMaterial({ color: colours.force });
       // Along y, one long.
