@@ -100,12 +100,16 @@
       const lines = new THREE.LineSegments(share(edges(run.triangles)), new THREE.LineBasicMaterial({ color: colours.line }));
       this.patch = nodes(run.moving.length, colours.patch);
       this.fixed = nodes(run.fixed.length, colours.fixed);
-      this.tip = new THREE.Mesh(new THREE.SphereGeometry(1.3 * dot, 24, 16), new THREE.MeshLambertMaterial({ color: colours.tip }));
+      // Tip and force are seen through the walls of the pit that they make.
+      this.tip = new THREE.Mesh(new THREE.SphereGeometry(1.3 * dot, 24, 16), new THREE.MeshLambertMaterial({ color: colours.tip, depthTest: false }));
+      this.tip.renderOrder = 1;
       this.arrow = new THREE.Group();
-      const paint = new THREE.MeshLambertMaterial({ color: colours.force });
+      const paint = new THREE.MeshLambertMaterial({ color: colours.force, depthTest: false });
       // Along y, one long.
       const shaft = new THREE.Mesh(new THREE.CylinderGeometry(1, 1, 0.8, 16).translate(0, 0.4, 0), paint);
       const head = new THREE.Mesh(new THREE.ConeGeometry(2.4, 0.2, 24).translate(0, 0.9, 0), paint);
+      shaft.renderOrder = 1;
+      head.renderOrder = 1;
       this.arrow.add(shaft, head);
       this.scene.add(surface, lines, this.fixed, this.patch, this.tip, this.arrow);
       this.mark(this.fixed, run.fixed);
