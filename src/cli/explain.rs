@@ -7,7 +7,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use self::device::DeviceFacts;
-use super::{PASS, load, say};
+use super::{PASS, read, say};
 use crate::Vec3;
 use crate::dynamics::global::SyncMode;
 use crate::dynamics::integrators::GlobalIntegrator;
@@ -120,7 +120,7 @@ impl Step {
 }
 
 pub fn explain(scene: &Path, json: bool) -> miette::Result<u8> {
-    let explanation = explanation(&load(scene)?.0)?;
+    let explanation = explanation(&read(scene)?.0)?;
     if json {
         let json = serde_json::to_string_pretty(&explanation).map_err(|error| miette::miette!("{error}"))?;
         say(json)?;
@@ -217,7 +217,7 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
 }
 
 fn warnings(scene: &Scene, simulation: &Simulation, local: &Step, global: Option<&Step>) -> Vec<String> {
-    let mut warnings = Vec::new();
+    let mut warnings = scene.warnings.clone();
     if local.is_beyond() {
         warnings.push(format!("the local tick is beyond its stability limit: {}", local.text()));
     }

@@ -3,7 +3,7 @@
 use crate::Vec3;
 
 /// Geometry only; masses and springs come with the [network](super::network::Network).
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Mesh {
     /// Rest position of every node, m.
     pub nodes: Vec<Vec3>,
@@ -11,6 +11,8 @@ pub struct Mesh {
     pub edges: Vec<[u32; 2]>,
     /// Surface triangles, anticlockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
+    /// Tetrahedra, positively oriented: (b − a) × (c − a) · (d − a) > 0. Blocks and shells have none.
+    pub tetrahedra: Vec<[u32; 4]>,
 }
 
 /// Which neighbours of a block's lattice are joined by springs.
@@ -108,6 +110,12 @@ impl Block {
         self.lattice(node).iter().zip(self.nodes).map(|(&i, count)| u32::from(i == 0 || i == count - 1)).sum()
     }
 
+    /// Volume that each node stands for, m³: a cell of the lattice, halved once for every boundary direction.
+    pub fn node_volumes(&self) -> Vec<f64> {
+        let cell = self.spacing.powi(3);
+        (0..self.nodes.iter().product()).map(|node| cell / f64::from(1 << self.boundary_directions(node))).collect()
+    }
+
     /// Builds the mesh.
     pub fn mesh(&self) -> Mesh {
         let [nx, ny, nz] = self.nodes;
@@ -131,7 +139,7 @@ impl Block {
                 }
             }
         }
-        Mesh { nodes, edges, triangles: self.surface_triangles() }
+        Mesh { nodes, edges, triangles: self.surface_triangles(), tetrahedra: Vec::new() }
     }
 
     fn lattice(&self, node: usize) -> [usize; 3] {
