@@ -75,7 +75,9 @@ fn every_format_gives_the_same_mesh() {
 fn every_format_gives_the_same_surface() {
     let solid = read(&folder().join("formats/solid-4.1-bytes.msh")).solid(0.001).expect("a body");
     let outside: HashSet<_> = (solid.mesh.triangles.iter())
-        .map(|triangle| rotated(*triangle).map(|node| solid.mesh.nodes[node as usize].map(|x| (x * 1e9).round() as i64)))
+        .map(|triangle| {
+            rotated(*triangle).map(|node| solid.mesh.nodes[node as usize].map(|x| (x * 1e9).round() as i64))
+        })
         .collect();
     let paths = formats("surface");
     assert!(paths.len() >= 6, "{} files", paths.len());
@@ -188,8 +190,16 @@ fn what_is_no_body_is_refused_by_name() {
         ("one number twice", msh(&[CORNERS[0], CORNERS[0]], &[TETRAHEDRON]), "two nodes have the number 1"),
         ("not a number", good.replacen("1 0 0\n", "1 nan 0\n", 1), "node 1 lies at"),
         ("infinite", good.replacen("1 0 0\n", "1 inf 0\n", 1), "which is not finite"),
-        ("two at one place", msh(&moved(5, [0.0, 1.0, 1e-10]), &[TETRAHEDRON, SECOND]), "nodes 2 and 4 lie at the same"),
-        ("a flat one", msh(&moved(5, [0.2, 0.3, 0.5]), &[TETRAHEDRON, SECOND]), "tetrahedron 1 with nodes [1, 2, 3, 4]"),
+        (
+            "two at one place",
+            msh(&moved(5, [0.0, 1.0, 1e-10]), &[TETRAHEDRON, SECOND]),
+            "nodes 2 and 4 lie at the same",
+        ),
+        (
+            "a flat one",
+            msh(&moved(5, [0.2, 0.3, 0.5]), &[TETRAHEDRON, SECOND]),
+            "tetrahedron 1 with nodes [1, 2, 3, 4]",
+        ),
         ("a node twice", msh(&CORNERS, &[TETRAHEDRON, (4, &[1, 2, 2, 5])]), "is flat"),
         ("one inverted", msh(&CORNERS, &[TETRAHEDRON, mixed]), "1 of 2 tetrahedra are inverted"),
         ("one twice", msh(&CORNERS, &[TETRAHEDRON, SECOND, TETRAHEDRON]), "tetrahedra 0 and 2 lie on the same side"),
@@ -201,7 +211,11 @@ fn what_is_no_body_is_refused_by_name() {
         ("a flat triangle", msh(&CORNERS, &[FACES[0], (2, &[1, 2, 2])]), "triangle 1 with nodes [0, 1, 1] is flat"),
         ("no inside", msh(&CORNERS, &[FACES[0], (2, &[1, 2, 3])]), "encloses no volume"),
         ("another version", good.replacen("2.2 0 8", "4.0 0 8", 1), "is in MSH 4.0"),
-        ("a word for a number", good.replacen("\n1 4 2", "\n1 four 2", 1), ":13: expected the type of an element, found \"four\""),
+        (
+            "a word for a number",
+            good.replacen("\n1 4 2", "\n1 four 2", 1),
+            ":13: expected the type of an element, found \"four\"",
+        ),
         ("no MSH", "solid".to_owned(), "expected $MeshFormat"),
         ("nothing", String::new(), "expected $MeshFormat"),
         ("only a header", good.lines().take(3).map(|line| format!("{line}\n")).collect(), "has no nodes"),
@@ -260,7 +274,8 @@ fn what_differs_in_writing_only_is_the_same_mesh() {
 /// The sphere of the ellipsoid's mesh, scaled back.
 fn ball() -> MeshFile {
     let solid = read(&folder().join("ellipsoid-500.msh")).solid(1.0).expect("a body");
-    let position = |node: usize| solid.mesh.nodes[node].component_div(&Vec3::new(0.060, 0.045, 0.030)).normalize() * 0.05;
+    let position =
+        |node: usize| solid.mesh.nodes[node].component_div(&Vec3::new(0.060, 0.045, 0.030)).normalize() * 0.05;
     let nodes: Vec<_> = (0..solid.mesh.nodes.len()).map(|i| (i as u64 + 1, position(i).into())).collect();
     let triangles: Vec<[u64; 3]> = solid.mesh.triangles.iter().map(|t| t.map(|node| u64::from(node) + 1)).collect();
     let elements: Vec<(u32, &[u64])> = triangles.iter().map(|triangle| (2, triangle.as_slice())).collect();
@@ -356,7 +371,9 @@ fn announced_counts_are_not_believed() {
         &[1; 64],
     ]
     .concat();
-    let vtk = |kind: &str| format!("# vtk DataFile Version 3.0\nx\n{kind}\nDATASET UNSTRUCTURED_GRID\nPOINTS {MANY} double\n1 2 3");
+    let vtk = |kind: &str| {
+        format!("# vtk DataFile Version 3.0\nx\n{kind}\nDATASET UNSTRUCTURED_GRID\nPOINTS {MANY} double\n1 2 3")
+    };
     let vtu = |array: &str| {
         format!(
             "<VTKFile type='UnstructuredGrid' compressor='vtkZLibDataCompressor' header_type='UInt64'><UnstructuredGrid>\

@@ -6,7 +6,7 @@ import json
 import sys
 from pathlib import Path
 
-from stickslip_reference import comparison, cycle, network, scene, trace
+from stickslip_reference import comparison, cycle, mesh_file, network, scene, trace
 
 
 def main():
@@ -28,6 +28,8 @@ def compare(arguments):
     read = scene.load(arguments.scene)
     folder = Path(arguments.run or Path("reports") / read.name)
     mesh = network.read(arguments.network or folder / "network.json", read)
+    if read["mesh"].kind == "file":
+        mesh_file.check_same(mesh_file.network(read), mesh)
     actual = trace.read(arguments.trace or folder / "trace.csv")
     run = cycle.run(read, mesh)
     expected = trace.table(run)

@@ -11,9 +11,9 @@ use crate::Vec3;
 pub fn read(bytes: &[u8]) -> Result<Cells, Flaw> {
     let mut cursor = Cursor::new(bytes, Encoding::Text);
     let first = cursor.line().unwrap_or_default();
-    let version = first.strip_prefix(b"# vtk DataFile Version ").ok_or_else(|| {
-        cursor.expected("# vtk DataFile Version", first)
-    })?;
+    let version = first
+        .strip_prefix(b"# vtk DataFile Version ")
+        .ok_or_else(|| cursor.expected("# vtk DataFile Version", first))?;
     // From version 5 on cells have offsets.
     let has_offsets = version.first().is_some_and(|&digit| digit >= b'5');
     cursor.line();
@@ -44,7 +44,11 @@ pub fn read(bytes: &[u8]) -> Result<Cells, Flaw> {
             }
             b"VERTICES" | b"LINES" => cell_list(&mut cursor, has_offsets, &mut CellList::default())?,
             b"FIELD" => field(&mut cursor)?,
-            b"METADATA" => while cursor.line().is_some_and(|line| !line.is_empty()) {},
+            b"METADATA" => {
+                // To the next empty line, the rest of this one not being one.
+                cursor.line();
+                while cursor.line().is_some_and(|line| !line.is_empty()) {}
+            }
             // What belongs to points and cells comes last, and nothing of it is needed.
             b"POINT_DATA" | b"CELL_DATA" => break,
             other => return Err(cursor.expected("POINTS, CELLS, CELL_TYPES or POLYGONS", other)),

@@ -82,9 +82,7 @@ impl<'a> Cursor<'a> {
     /// A problem at this place: with its line in text, with its byte among bytes.
     pub fn flaw(&self, problem: MeshProblem) -> Flaw {
         let place = match self.encoding {
-            Encoding::Text => {
-                Place::Line(1 + self.bytes[..self.at].iter().filter(|&&byte| byte == b'\n').count())
-            }
+            Encoding::Text => Place::Line(1 + self.bytes[..self.at].iter().filter(|&&byte| byte == b'\n').count()),
             Encoding::Little | Encoding::Big => Place::Byte(self.at),
         };
         Flaw { place, problem }
@@ -186,9 +184,9 @@ impl<'a> Cursor<'a> {
             Encoding::Text => self.word(what),
             Encoding::Little | Encoding::Big => {
                 let bits = self.bits(number, what)?;
-                number.index(bits).ok_or_else(|| {
-                    self.flaw(MeshProblem::Expected { what, found: number.real(bits).to_string() })
-                })
+                number
+                    .index(bits)
+                    .ok_or_else(|| self.flaw(MeshProblem::Expected { what, found: number.real(bits).to_string() }))
             }
         }
     }

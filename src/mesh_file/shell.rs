@@ -42,8 +42,7 @@ pub fn mesh(mut cells: Cells, layers: &Layers) -> Result<FileMesh, MeshProblem> 
     // Where the triangles around a node cancel there is no normal; the copy then has none to go along, and folds over.
     normals.iter_mut().for_each(|normal| *normal = normal.try_normalize(0.0).unwrap_or_default());
 
-    let surface_edges =
-        unique_edges(triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]));
+    let surface_edges = unique_edges(triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]));
     let (mut nodes, mut node_volumes) = (Vec::new(), Vec::new());
     let mut pairs = Vec::new();
     for layer in 0..=layers.count {

@@ -28,10 +28,7 @@ pub const KEYS: &[(&str, &str)] = &[
         "mesh.layer_depth",
         "a finite number above 0, in m: from one layer to the next, along the inward normals; required with a file that has triangles alone, only allowed there",
     ),
-    (
-        "mesh.anchor",
-        "true (default) or false: the innermost layer is fixed; only with a file that has triangles alone",
-    ),
+    ("mesh.anchor", "true (default) or false: the innermost layer is fixed; only with a file that has triangles alone"),
     (
         "mesh.fixed",
         "\"bottom\" (default without `anchor`: a block's lowest layer, or a file's nodes within 1e-6 of its diagonal from the lowest z), \"none\" (default with it), { below_z = a finite number in m } or { nodes = [indices below the number of nodes] }",

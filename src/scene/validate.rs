@@ -14,7 +14,6 @@ use super::error::{Problem, SceneError};
 use super::file::*;
 use super::keys::accepted;
 use super::{GlobalSettings, MeshSource, Scene, Schedule, Source};
-pub(super) use timing::at_rate;
 use crate::Vec3;
 use crate::contact::law::Law;
 use crate::contact::operators::Metric;
@@ -28,6 +27,7 @@ use crate::model::network::Material;
 use crate::model::patch::Extent;
 use crate::model::springs::TangentKind;
 use crate::model::step::LocalIntegrator;
+pub(super) use timing::at_rate;
 
 /// How far from a whole number a ratio of two decimal inputs may be and still mean one: a few
 /// roundings of numbers up to 1e9 ticks.
@@ -107,7 +107,8 @@ impl Checker {
 
         let local = self.local(&file.local)?;
         let integrator = self.integrator(&file.local, file.contact.get_ref())?;
-        let needs = mesh::Needs { local: &local, integrator, ticks: tick_count, cycle_ticks: u64::from(ticks_per_cycle) };
+        let needs =
+            mesh::Needs { local: &local, integrator, ticks: tick_count, cycle_ticks: u64::from(ticks_per_cycle) };
         let (mesh, fixed, warnings) = self.mesh(&file.mesh, folder, &needs)?;
         let material = self.material(&file.material, &mesh)?;
 

@@ -16,8 +16,8 @@ OPTIONAL = None
 
 # section -> key -> default. REQUIRED has none; OPTIONAL keys stay None when the scene does not give them.
 DEFAULTS = {
-    "mesh": {"kind": "block", "nodes": OPTIONAL, "spacing": OPTIONAL, "stencil": "shear", "fixed": "bottom",
-             "path": OPTIONAL, "scale": 1.0},
+    "mesh": {"kind": "block", "nodes": OPTIONAL, "spacing": OPTIONAL, "stencil": "shear", "fixed": OPTIONAL,
+             "path": OPTIONAL, "scale": 1.0, "layers": OPTIONAL, "layer_depth": OPTIONAL, "anchor": OPTIONAL},
     "material": {"node_mass": OPTIONAL, "density": OPTIONAL, "stiffness": OPTIONAL, "young_modulus": OPTIONAL,
                  "damping": REQUIRED, "gravity": [0.0, 0.0, 0.0], "drag": 0.0},
     "global": {"rate": 10.0, "integrator": "semi-implicit-euler", "substeps": 100},
@@ -121,7 +121,8 @@ class Scene:
                 or self["contact"].scheme != "velocity"):
             raise SceneError(f"local.integrator = {self['local'].integrator!r} needs the tangent and the velocity scheme")
         check_instrument(self["instrument"])
-        self.waypoints = read_waypoints(self["instrument"], Path(folder))
+        self.folder = Path(folder)
+        self.waypoints = read_waypoints(self["instrument"], self.folder)
 
     def __getitem__(self, section):
         return self.sections[section]

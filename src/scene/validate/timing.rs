@@ -37,7 +37,12 @@ pub(in crate::scene) fn at_rate(mut scene: Scene, rate: f64) -> Placed<Scene> {
 }
 
 impl Checker {
-    pub(super) fn timing(&self, timing: &TimingTable, schedule: Schedule, tick: f64) -> Placed<(Deadline, Option<Costs>)> {
+    pub(super) fn timing(
+        &self,
+        timing: &TimingTable,
+        schedule: Schedule,
+        tick: f64,
+    ) -> Placed<(Deadline, Option<Costs>)> {
         let TimingTable { tick_cost, model_cost, deadline, overrun, seed } = timing;
         let is_seeded = |cost: &Option<Spanned<CostValue>>| {
             matches!(cost.as_ref().map(Spanned::get_ref), Some(CostValue::LogNormal(_) | CostValue::Rare(_)))
