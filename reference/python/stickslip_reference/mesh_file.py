@@ -127,8 +127,9 @@ def check_same(own, other):
         raise SceneError("the run's nodes are not those of the mesh's file")
     if not np.array_equal(springs(own)[0], springs(other)[0]) or surface(own) != surface(other):
         raise SceneError("the run's springs or triangles are not those of the mesh's file")
-    for name, one, two in (("positions", own.nodes, other.nodes), ("masses", own.mass, other.mass),
-                           ("springs", springs(own)[1], springs(other)[1])):
+    compared = [("positions", own.nodes, other.nodes), ("masses", own.mass, other.mass)]
+    compared += zip(("stiffnesses", "dampings", "rest lengths"), springs(own)[1].T, springs(other)[1].T)
+    for name, one, two in compared:
         off = np.abs(one - two).max() / np.abs(two).max()
         if not off <= ROUNDING:
             raise SceneError(f"the run's {name} differ from those of the mesh's file by {off:.1e} of the largest")
