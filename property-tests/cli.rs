@@ -47,6 +47,27 @@ fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
+/// What it says of its mesh.
+const BLOCK: &str = "kind = \"block\"
+nodes = [9, 9, 4]                   # along x, y, z; top layer at z = 0
+spacing = 0.0125                    # m
+stencil = \"shear\"
+fixed = \"bottom\"";
+
+/// A mesh from one of the files in every format, and more keys.
+macro_rules! mesh_file {
+    ($file:literal, $more:literal) => {
+        concat!(
+            "kind = \"file\"\npath = \"",
+            env!("CARGO_MANIFEST_DIR"),
+            "/fixtures/meshes/formats/",
+            $file,
+            "\"\n",
+            $more
+        )
+    };
+}
+
 /// What it says of its instrument's kind.
 const KIND: &str = "kind = \"path\"";
 
@@ -290,6 +311,65 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
         "duration = 1.2\nsettle = true",
         &["node 0 hangs on no fixed node", "mesh.fixed", ":4:"],
     ),
+    ("no nodes", "nodes = [9, 9, 4]", "", &["`mesh.nodes` is missing", "nodes along x, y and z"]),
+    ("no spacing", "spacing = 0.0125", "", &["`mesh.spacing` is missing"]),
+    ("a path of a block", "spacing = 0.0125", "path = \"x.msh\"\nspacing = 0.0125", &["`mesh.path` has no effect"]),
+    ("a scaled block", "spacing = 0.0125", "scale = 1.0\nspacing = 0.0125", &["`mesh.scale` has no effect"]),
+    ("layers of a block", "spacing = 0.0125", "layers = 2\nspacing = 0.0125", &["`mesh.layers` has no effect"]),
+    ("an anchored block", "spacing = 0.0125", "anchor = true\nspacing = 0.0125", &["`mesh.anchor` has no effect"]),
+    ("nodes of a file", "kind = \"block\"", "kind = \"file\"\npath = \"x.msh\"", &["`mesh.nodes` has no effect"]),
+    (
+        "a spacing of a file",
+        BLOCK,
+        "kind = \"file\"\npath = \"x.msh\"\nspacing = 1.0",
+        &["`mesh.spacing` has no effect", "mesh.kind = \"file\""],
+    ),
+    (
+        "a stencil of a file",
+        BLOCK,
+        "kind = \"file\"\npath = \"x.msh\"\nstencil = \"shear\"",
+        &["`mesh.stencil` has no effect"],
+    ),
+    ("no file", BLOCK, "kind = \"file\"", &["`mesh.path` is missing", ".vtu"]),
+    ("a missing file", BLOCK, "kind = \"file\"\npath = \"none.msh\"", &["none.msh", "cannot be read", "relative to"]),
+    ("a folder", BLOCK, "kind = \"file\"\npath = \".\"", &["no mesh file by its name"]),
+    ("no mesh file", BLOCK, "kind = \"file\"\npath = \"scene.toml\"", &["no mesh file by its name", ".vtk legacy"]),
+    ("a scale of zero", BLOCK, mesh_file!("solid-text.vtu", "scale = 0.0"), &["mesh.scale", "above 0"]),
+    ("a scale of NaN", BLOCK, mesh_file!("solid-text.vtu", "scale = nan"), &["mesh.scale", "NaN"]),
+    (
+        "layers of a solid",
+        BLOCK,
+        mesh_file!("solid-text.vtu", "layers = 2"),
+        &["`mesh.layers` has no effect", "tetrahedra"],
+    ),
+    ("an anchored solid", BLOCK, mesh_file!("solid-text.vtu", "anchor = false"), &["`mesh.anchor` has no effect"]),
+    (
+        "a depth in a solid",
+        BLOCK,
+        mesh_file!("solid-text.vtu", "layer_depth = 1.0"),
+        &["`mesh.layer_depth` has no effect"],
+    ),
+    ("a node that is not there", BLOCK, mesh_file!("solid-text.vtu", "fixed = { nodes = [60] }"), &["node 60 of 60"]),
+    ("no depth", BLOCK, mesh_file!("surface-meshio.vtu", "scale = 0.001"), &["`mesh.layer_depth` is missing"]),
+    ("a depth of zero", BLOCK, mesh_file!("surface-meshio.vtu", "layer_depth = 0.0"), &["mesh.layer_depth", "above 0"]),
+    (
+        "no layers",
+        BLOCK,
+        mesh_file!("surface-meshio.vtu", "layer_depth = 1.0\nlayers = 0"),
+        &["mesh.layers", "at least 1"],
+    ),
+    (
+        "too many layers",
+        BLOCK,
+        mesh_file!("surface-meshio.vtu", "layer_depth = 1e-9\nlayers = 4000000000"),
+        &["240000000060 nodes", "MiB"],
+    ),
+    (
+        "too deep",
+        BLOCK,
+        mesh_file!("surface-meshio.vtu", "layer_depth = 0.05\nscale = 0.001"),
+        &["0.05 m below the surface", "folds over", "smaller `mesh.layer_depth`"],
+    ),
     ("not TOML", "duration = 1.2", "duration := 1.2", &[":3:"]),
 ];
 
@@ -323,6 +403,51 @@ fn bad_scenes_end_with_code_2_one_message_and_no_folder() {
         }
         assert!(output.stdout.is_empty(), "{what}");
     }
+}
+
+/// The ellipsoid is pressed and dragged, the liver slid over, a solid and a shell from every kind of file: all to the end,
+/// without a passage of the tip, with forces that a soft body gives back.
+#[test]
+fn scenes_over_mesh_files_complete() {
+    let folder = Folder::new("mesh-scenes");
+    let scenes = fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/meshes")).expect("a folder");
+    let scenes: Vec<PathBuf> = scenes.map(|scene| scene.expect("a file").path()).collect();
+    let scenes: Vec<&PathBuf> = scenes.iter().filter(|path| path.extension().is_some_and(|e| e == "toml")).collect();
+    assert!(scenes.len() >= 6, "{} scenes", scenes.len());
+    for scene in scenes {
+        let out = folder.path("out");
+        let output = run(scene, &out);
+        assert_eq!(output.status.code(), Some(0), "{}: {}", scene.display(), stderr(&output));
+        let summary = fs::read_to_string(out.join("summary.json")).expect("a summary");
+        let summary: serde_json::Value = serde_json::from_str(&summary).expect("JSON");
+        let peak = summary["largest_normal_force_n"].as_f64().expect("a force");
+        assert!((0.05..5.0).contains(&peak), "{}: {peak} N", scene.display());
+        assert_eq!(summary["tunnelling_ticks"], 0, "{}", scene.display());
+        let network = fs::read_to_string(out.join("network.json")).expect("a network");
+        let network: serde_json::Value = serde_json::from_str(&network).expect("JSON");
+        assert_eq!(network["nodes"].as_array().map(Vec::len), network["mass"].as_array().map(Vec::len));
+    }
+}
+
+/// A body in mm that is taken for one in m.
+#[test]
+fn a_unit_in_doubt_is_a_warning() {
+    let folder = Folder::new("units");
+    let mesh = mesh_file!("solid-2.2-bytes.msh", "fixed = { below_z = -10.0 }");
+    let scene = folder.write("scene.toml", &GOOD.replacen(BLOCK, mesh, 1).replace("duration = 1.2", "duration = 0.1"));
+    let output = run(&scene, &folder.path("out"));
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert!(stderr(&output).starts_with("Warning: the mesh is 4e1 m large"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("`mesh.scale = 0.001`"), "{}", stderr(&output));
+    let explained = stickslip(&["explain", &scene.display().to_string()]);
+    let text = String::from_utf8_lossy(&explained.stdout).into_owned();
+    assert!(text.contains("Warning: the mesh is 4e1 m large") && text.contains("60 nodes"), "{text}");
+    assert_eq!(stderr(&explained), "", "warned of once");
+    folder.write(
+        "scene.toml",
+        &fs::read_to_string(&scene).expect("a scene").replace("fixed =", "scale = 0.001\nfixed ="),
+    );
+    assert_eq!(stderr(&run(&scene, &folder.path("out"))), "");
 }
 
 #[test]

@@ -105,9 +105,7 @@ fn sheet() -> Body {
         }
     }
     let edges = (0..n * n - 1).map(|i| [i, i + 1]).collect();
-    Body::new(&Mesh { nodes, edges, triangles, tetrahedra: Vec::new() }, |x| {
-        x + Vec3::z() * 0.001 * (200.0 * x.x).sin()
-    })
+    Body::new(&Mesh { nodes, edges, triangles, ..Mesh::default() }, |x| x + Vec3::z() * 0.001 * (200.0 * x.x).sin())
 }
 
 fn point() -> impl Strategy<Value = ContactPoint> {

@@ -13,6 +13,7 @@ mod extremes;
 mod integrators;
 mod limit;
 mod linearization;
+mod mesh_files;
 mod multirate;
 mod network;
 mod operators;

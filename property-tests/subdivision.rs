@@ -19,8 +19,7 @@ struct Sheet {
 
 impl Sheet {
     fn new(x: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Self {
-        let surface = Surface::new(&Mesh { nodes: x.clone(), edges: Vec::new(), triangles, tetrahedra: Vec::new() })
-            .expect("a surface");
+        let surface = Surface::new(&Mesh { nodes: x.clone(), triangles, ..Mesh::default() }).expect("a surface");
         let limit = LimitSurface::new(&surface).expect("no crowded triangle");
         Self { surface, x, limit }
     }
@@ -500,7 +499,7 @@ fn a_vertex_with_too_many_neighbours_is_named() {
         Vec3::new(angle.cos(), angle.sin(), 0.0)
     }));
     let triangles = (0..n as u32).map(|k| [0, 1 + k, 1 + (k + 1) % n as u32]).collect();
-    let surface = Surface::new(&Mesh { nodes: x, edges: Vec::new(), triangles, tetrahedra: Vec::new() }).unwrap();
+    let surface = Surface::new(&Mesh { nodes: x, triangles, ..Mesh::default() }).unwrap();
     let error = LimitSurface::new(&surface).unwrap_err().to_string();
     assert!(error.contains("has 41 vertices around it") && error.contains("at most 32"), "{error}");
 }

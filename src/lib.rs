@@ -9,7 +9,7 @@
 //!
 //! ## The path of the data
 //!
-//! [`scene`] → [`model`] (mesh, network, linearisation, local model) → [`contact`] (collision,
+//! [`scene`] (with meshes from a [`mesh_file`]) → [`model`] (mesh, network, linearisation, local model) → [`contact`] (collision,
 //! location, operators, law, tick) → [`dynamics`] (integrators, global cycle, energy) →
 //! [`device`] (instrument, fail-safe, modelled device) → [`output`] (trace, summary, plots). [`pipeline`] is that
 //! path on one page; [`verify`] holds what comes out of it against accepted results.
@@ -52,6 +52,8 @@
 #![deny(unsafe_code)]
 
 pub mod scene;
+
+pub mod mesh_file;
 
 pub mod model;
 

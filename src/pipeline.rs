@@ -169,7 +169,7 @@ impl Simulation {
     /// # Errors
     /// If the mesh has no proper surface, the tip starts inside it, or the device cannot be where the tip starts.
     pub fn prepare(scene: &Scene) -> Result<Self, SceneError> {
-        Self::assemble(scene, &scene.block.mesh())
+        Self::assemble(scene, &scene.mesh.mesh())
     }
 
     /// The same over a mesh of one's own, with as many nodes as the scene has masses, and as many edges where it has a

@@ -6,7 +6,7 @@ import json
 import sys
 from pathlib import Path
 
-from stickslip_reference import comparison, cycle, network, scene, trace
+from stickslip_reference import comparison, cycle, mesh_file, network, scene, trace
 
 
 def main():
@@ -30,6 +30,8 @@ def compare(arguments):
     mesh = network.read(arguments.network or folder / "network.json", read)
     if read["material"].young_modulus is not None or read["material"].damping_ratio is not None:
         network.check_material(mesh, read)
+    if read["mesh"].kind == "file":
+        mesh_file.check_same(mesh_file.network(read), mesh)
     actual = trace.read(arguments.trace or folder / "trace.csv")
     run = cycle.run(read, mesh)
     expected = trace.table(run)

@@ -5,7 +5,7 @@ import argparse
 import json
 import sys
 
-from stickslip_reference import cycle, network, scene, trace
+from stickslip_reference import cycle, mesh_file, network, scene, trace
 
 
 def main():
@@ -17,7 +17,10 @@ def main():
     arguments = parser.parse_args()
     try:
         read = scene.load(arguments.scene)
-        mesh = network.read(arguments.network, read) if arguments.network else network.block(read)
+        if arguments.network:
+            mesh = network.read(arguments.network, read)
+        else:
+            mesh = mesh_file.network(read) if read["mesh"].kind == "file" else network.block(read)
         run = cycle.run(read, mesh)
     except scene.SceneError as error:
         print(f"simulate.py: {error}", file=sys.stderr)

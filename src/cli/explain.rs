@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use self::device::DeviceFacts;
 use super::terminal::{hand_out, say};
-use super::{PASS, load};
+use super::{PASS, read};
 use crate::Vec3;
 use crate::dynamics::global::SyncMode;
 use crate::dynamics::integrators::GlobalIntegrator;
@@ -125,7 +125,7 @@ impl Step {
 }
 
 pub fn explain(scene: &Path) -> miette::Result<u8> {
-    let explanation = explanation(&load(scene)?.0)?;
+    let explanation = explanation(&read(scene)?.0)?;
     hand_out(&explanation)?;
     say(text(&explanation))?;
     Ok(PASS)
@@ -221,7 +221,7 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
 }
 
 fn warnings(scene: &Scene, simulation: &Simulation, local: &Step, global: Option<&Step>) -> Vec<String> {
-    let mut warnings = Vec::new();
+    let mut warnings = scene.warnings.clone();
     if local.is_beyond() {
         warnings.push(format!("the local tick is beyond its stability limit: {}", local.text()));
     }

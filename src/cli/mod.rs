@@ -189,8 +189,17 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// A scene file, or else a shipped scene of that name, and how it is expected to end.
+/// As [`read`], with its warnings on standard error.
 fn load(scene: &Path) -> Result<(Scene, Expectation), SceneError> {
+    let (scene, expectation) = read(scene)?;
+    for warning in &scene.warnings {
+        eprintln!("Warning: {warning}");
+    }
+    Ok((scene, expectation))
+}
+
+/// A scene file, or else a shipped scene of that name, and how it is expected to end.
+fn read(scene: &Path) -> Result<(Scene, Expectation), SceneError> {
     let shipped = SHIPPED.iter().find(|shipped| scene.as_os_str() == shipped.name);
     match shipped {
         Some(shipped) if !scene.exists() => Ok((Scene::parse(shipped.text, scene)?, shipped.expectation)),

@@ -190,11 +190,7 @@ impl Bulk<'_> {
     /// If the mesh is not filled with tetrahedra.
     pub fn node_volumes(&self) -> Result<Vec<f64>, MaterialError> {
         match self {
-            Bulk::Lattice(block) => {
-                let cell = block.spacing.powi(3);
-                let count = block.nodes.iter().product();
-                Ok((0..count).map(|node| cell / f64::from(1 << block.boundary_directions(node))).collect())
-            }
+            Bulk::Lattice(block) => Ok(block.node_volumes()),
             Bulk::Tetrahedra(mesh) => {
                 let mut volumes = vec![0.0; mesh.nodes.len()];
                 for (corners, volume) in mesh.tetrahedra.iter().zip(tetrahedral_volumes(mesh)?) {

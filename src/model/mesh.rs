@@ -3,7 +3,7 @@
 use crate::Vec3;
 
 /// Geometry only; masses and springs come with the [network](super::network::Network).
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Mesh {
     /// Rest position of every node, m.
     pub nodes: Vec<Vec3>,
@@ -12,7 +12,7 @@ pub struct Mesh {
     /// Surface triangles, anticlockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
     /// Tetrahedra that fill it, positively oriented: the first three nodes anticlockwise seen from the fourth. None for
-    /// blocks, whose cells fill them, and for surfaces.
+    /// blocks, whose cells fill them, and for shells.
     pub tetrahedra: Vec<[u32; 4]>,
 }
 
@@ -117,6 +117,12 @@ impl Block {
     /// 2 on an edge, 3 at a corner.
     pub fn boundary_directions(&self, node: usize) -> u32 {
         self.lattice(node).iter().zip(self.nodes).map(|(&i, count)| u32::from(i == 0 || i == count - 1)).sum()
+    }
+
+    /// Volume that each node stands for, m³: a cell of the lattice, halved once for every boundary direction.
+    pub fn node_volumes(&self) -> Vec<f64> {
+        let cell = self.spacing.powi(3);
+        (0..self.nodes.iter().product()).map(|node| cell / f64::from(1 << self.boundary_directions(node))).collect()
     }
 
     /// Builds the mesh.

@@ -10,6 +10,7 @@ use thiserror::Error;
 use super::keys::accepted;
 use crate::device::instrument::{InstrumentError, PathError};
 use crate::dynamics::settle::SettleError;
+use crate::mesh_file::MeshFileError;
 use crate::model::local::ModelError;
 use crate::model::material::MaterialError;
 use crate::model::surface::SurfaceError;
@@ -70,6 +71,9 @@ pub enum Problem {
         /// The number of nodes.
         nodes: usize,
     },
+    /// The mesh's file.
+    #[error("`mesh.path`: {0}")]
+    MeshFile(MeshFileError),
     /// The mesh would not fit.
     #[error(
         "{ticks} ticks over a mesh of {nodes} nodes and {springs} springs need about {needed_mib} MiB; {available_mib} MiB are free"
@@ -142,6 +146,7 @@ impl Problem {
             | Problem::Instrument { key, .. } => Some(key),
             Problem::Unreadable { .. }
             | Problem::Syntax(_)
+            | Problem::MeshFile(_)
             | Problem::TooLarge { .. }
             | Problem::TipInside { .. }
             | Problem::Settle(_)

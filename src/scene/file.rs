@@ -33,10 +33,14 @@ pub struct SceneFile {
 pub struct MeshTable {
     #[serde(default)]
     pub kind: MeshKind,
-    pub nodes: Spanned<[usize; 3]>,
-    pub spacing: Spanned<f64>,
-    #[serde(default)]
-    pub stencil: StencilName,
+    pub nodes: Option<Spanned<[usize; 3]>>,
+    pub spacing: Option<Spanned<f64>>,
+    pub stencil: Option<Spanned<StencilName>>,
+    pub path: Option<Spanned<String>>,
+    pub scale: Option<Spanned<f64>>,
+    pub layers: Option<Spanned<u32>>,
+    pub layer_depth: Option<Spanned<f64>>,
+    pub anchor: Option<Spanned<bool>>,
     pub fixed: Option<Spanned<Fixed>>,
 }
 
@@ -45,13 +49,13 @@ pub struct MeshTable {
 pub enum MeshKind {
     #[default]
     Block,
+    File,
 }
 
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StencilName {
     Structural,
-    #[default]
     Shear,
     Full,
 }

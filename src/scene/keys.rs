@@ -8,17 +8,34 @@ pub const KEYS: &[(&str, &str)] = &[
         "settle",
         "true or false (default): whether the network starts in equilibrium under `material.gravity`, which it then needs",
     ),
-    ("mesh", "a table with `nodes` and `spacing`"),
-    ("mesh.kind", "\"block\" (default)"),
-    ("mesh.nodes", "three whole numbers of at least 2: nodes along x, y and z"),
-    ("mesh.spacing", "a finite number of at least 1e-6, in m"),
+    ("mesh", "a table with `nodes` and `spacing`, or with `kind = \"file\"` and `path`"),
+    ("mesh.kind", "\"block\" (default) or \"file\" (tetrahedra, or a closed surface of triangles)"),
+    ("mesh.nodes", "three whole numbers of at least 2: nodes along x, y and z; only with `kind = \"block\"`"),
+    ("mesh.spacing", "a finite number of at least 1e-6, in m; only with `kind = \"block\"`"),
     (
         "mesh.stencil",
-        "\"structural\" (edges), \"shear\" (and face diagonals; default) or \"full\" (and body diagonals)",
+        "\"structural\" (edges), \"shear\" (and face diagonals; default) or \"full\" (and body diagonals); only with `kind = \"block\"`",
     ),
     (
+        "mesh.path",
+        "a Gmsh file (.msh, version 2.2 or 4.1) or a VTK one (.vtk legacy, .vtu), relative to the scene; only with `kind = \"file\"`",
+    ),
+    (
+        "mesh.scale",
+        "a finite number above 0: m for a unit of the file, 0.001 for one in mm (default 1); only with `kind = \"file\"`",
+    ),
+    (
+        "mesh.layers",
+        "a whole number of at least 1 (default 1): copies of a surface below it, joined by springs; only with a file that has triangles alone",
+    ),
+    (
+        "mesh.layer_depth",
+        "a finite number above 0, in m: from one layer to the next, along the inward normals; required with a file that has triangles alone, only allowed there",
+    ),
+    ("mesh.anchor", "true (default) or false: the innermost layer is fixed; only with a file that has triangles alone"),
+    (
         "mesh.fixed",
-        "\"bottom\" (default), \"none\", { below_z = a finite number in m } or { nodes = [indices below the number of nodes] }",
+        "\"bottom\" (default without `anchor`: a block's lowest layer, or a file's nodes within 1e-6 of its diagonal from the lowest z), \"none\" (default with it), { below_z = a finite number in m } or { nodes = [indices below the number of nodes] }",
     ),
     (
         "material",

@@ -3,6 +3,7 @@
 mod error;
 mod file;
 mod keys;
+mod mesh;
 mod parts;
 mod shipped;
 mod validate;
@@ -14,6 +15,7 @@ use miette::NamedSource;
 
 pub use error::{Problem, SceneError};
 pub use keys::KEYS;
+pub use mesh::MeshSource;
 pub use parts::Part;
 pub use shipped::{Expectation, SHIPPED, Shipped};
 
@@ -24,7 +26,6 @@ use crate::dynamics::global::SyncMode;
 use crate::dynamics::integrators::GlobalIntegrator;
 use crate::dynamics::settle::SettleError;
 use crate::model::local::LocalSettings;
-use crate::model::mesh::Block;
 use crate::model::network::Material;
 use crate::model::step::LocalIntegrator;
 use crate::timeline::{Costs, Deadline, DrawnTimes, Timeline};
@@ -50,8 +51,8 @@ pub struct Scene {
     pub tick: f64,
     /// Local rate / global rate.
     pub ticks_per_cycle: u32,
-    /// The mesh.
-    pub block: Block,
+    /// Where the mesh comes from.
+    pub mesh: MeshSource,
     /// Which nodes never move.
     pub fixed: Vec<bool>,
     /// Masses, springs, gravity and drag.
@@ -82,6 +83,8 @@ pub struct Scene {
     pub deadline: Deadline,
     /// What computing takes in virtual time; nothing if absent.
     pub costs: Option<Costs>,
+    /// What is accepted but may not be meant.
+    pub warnings: Vec<String>,
     source: Source,
 }
 

@@ -2,6 +2,8 @@
 
 mod instrument;
 mod material;
+mod mesh;
+mod timing;
 
 use std::ops::Range;
 use std::path::Path;
@@ -21,45 +23,14 @@ use crate::dynamics::global::SyncMode;
 use crate::dynamics::integrators::GlobalIntegrator;
 use crate::model::condensation::{Condensation, FarField, Reach};
 use crate::model::local::{ExteriorKind, Linearization, LocalSettings};
-use crate::model::mesh::{Block, Stencil};
 use crate::model::patch::Extent;
 use crate::model::springs::TangentKind;
 use crate::model::step::LocalIntegrator;
-use crate::timeline::{Cost, Costs, Deadline, OverrunPolicy};
+pub(super) use timing::at_rate;
 
 /// How far from a whole number a ratio of two decimal inputs may be and still mean one: a few
 /// roundings of numbers up to 1e9 ticks.
 const WHOLE_NUMBER_TOLERANCE: f64 = 1e-9;
-
-/// Micrometres: far below any tissue, and far above where the areas of triangles underflow.
-const LEAST_SPACING: f64 = 1e-6;
-
-/// Bytes that a run takes per node: rest position, mass, and eight position-and-velocity arrays of
-/// the global side, the local side and their scratch.
-const BYTES_PER_NODE: u128 = 500;
-/// Bytes per spring: once in the network and twice in the adjacency, once in a patch that takes all.
-const BYTES_PER_SPRING: u128 = 300;
-/// Bytes per tick: what the summary and the plot keep, twice, and the spectrum's buffers.
-const BYTES_PER_TICK: u128 = 256;
-
-/// Bytes of a condensed exterior per point to the power of 4/3, the growth of a factor under nested
-/// dissection in three dimensions: 900 of blocks of 1,000 to 10,000 nodes, matrix and pattern included.
-const BYTES_PER_FACTOR_POINT: f64 = 1200.0;
-
-/// What a condensed exterior takes of a mesh of so many nodes.
-fn factor_bytes(reach: Reach, nodes: u128) -> u128 {
-    let near = |rings: u32| nodes.min((2 * u128::from(rings) + 1).saturating_pow(3));
-    let points = match reach {
-        Reach::All => nodes,
-        Reach::Rings { rings, far_field: FarField::Fixed } => near(rings),
-        // A vertex of the coarse grid for four nodes in every direction.
-        Reach::Rings { rings, far_field: FarField::Coarse } => near(rings).saturating_add(nodes.div_ceil(16)),
-    };
-    (BYTES_PER_FACTOR_POINT * (points as f64).powf(4.0 / 3.0)) as u128
-}
-
-/// Why what is declared for virtual time has no effect.
-const IN_REAL_TIME: &str = "`run.schedule = \"threads\"`, where computing takes the time it takes";
 
 type Placed<T> = Result<T, SceneError>;
 
@@ -72,31 +43,6 @@ pub(super) fn scene(text: &str, path: &Path) -> Placed<Scene> {
 /// A ratio of two decimal inputs, if it is a whole number.
 fn whole(ratio: f64) -> Option<f64> {
     ((ratio - ratio.round()).abs() <= WHOLE_NUMBER_TOLERANCE * ratio && ratio >= 0.5).then_some(ratio.round())
-}
-
-pub(super) fn at_rate(mut scene: Scene, rate: f64) -> Placed<Scene> {
-    let refuse =
-        |value: String| SceneError::unplaced(Problem::NotAccepted { key: "local.rate", value }, "give another rate");
-    if !(rate > 0.0 && rate.is_finite()) {
-        return Err(refuse(rate.to_string()));
-    }
-    let not_global = || refuse(format!("{rate} Hz, which is no whole multiple of the global {} Hz", scene.global.rate));
-    let ticks_per_cycle =
-        whole(rate / scene.global.rate).filter(|&ratio| ratio <= f64::from(u32::MAX)).ok_or_else(not_global)?;
-    let ticks = scene.duration * rate;
-    let tick_count =
-        whole(ticks).ok_or_else(|| refuse(format!("{rate} Hz: {} s would be {ticks} ticks", scene.duration)))?;
-    let tick = 1.0 / rate;
-    let Deadline { after, .. } = scene.deadline;
-    if after == scene.tick {
-        scene.deadline.after = tick;
-    } else if !(after <= tick) {
-        return Err(refuse(format!("{rate} Hz with a deadline of {after} s: a tick is over after {tick} s")));
-    }
-    scene.ticks_per_cycle = ticks_per_cycle as u32;
-    scene.tick_count = tick_count as u64;
-    scene.tick = tick;
-    Ok(scene)
 }
 
 struct Checker {
@@ -160,8 +106,10 @@ impl Checker {
 
         let local = self.local(&file.local)?;
         let integrator = self.integrator(&file.local, file.contact.get_ref())?;
-        let (block, fixed) = self.mesh(&file.mesh, &local, integrator, [tick_count, u64::from(ticks_per_cycle)])?;
-        let material = self.material(&file.material, &block)?;
+        let needs =
+            mesh::Needs { local: &local, integrator, ticks: tick_count, cycle_ticks: u64::from(ticks_per_cycle) };
+        let (mesh, fixed, warnings) = self.mesh(&file.mesh, folder, &needs)?;
+        let material = self.material(&file.material, &mesh)?;
         let settle = self.settle(&file.settle, &material)?;
 
         let latency_ticks = match &file.sync.latency_ticks {
@@ -193,7 +141,7 @@ impl Checker {
         if schedule == Schedule::Threads {
             // None at all is what there is anyway.
             let span = file.sync.latency_ticks.as_ref().filter(|ticks| *ticks.get_ref() > 0).map(Spanned::span);
-            self.no_effect("sync.latency_ticks", span, IN_REAL_TIME)?;
+            self.no_effect("sync.latency_ticks", span, timing::IN_REAL_TIME)?;
         }
         let (deadline, costs) = self.timing(&file.timing, schedule, 1.0 / local_rate)?;
         let is_full = matches!(file.local.model, LocalModelName::Full);
@@ -234,7 +182,8 @@ impl Checker {
             schedule,
             deadline,
             costs,
-            block,
+            mesh,
+            warnings,
             source,
         })
     }
@@ -246,125 +195,6 @@ impl Checker {
             return Ok(text.clone());
         }
         Err(self.error(Problem::NotAccepted { key: "name", value: format!("{text:?}") }, name.span()))
-    }
-
-    fn mesh(
-        &self,
-        table: &Spanned<MeshTable>,
-        local: &LocalSettings,
-        integrator: LocalIntegrator,
-        ticks: [u64; 2],
-    ) -> Placed<(Block, Vec<bool>)> {
-        let mesh = table.get_ref();
-        let MeshKind::Block = mesh.kind;
-        let nodes = *mesh.nodes.get_ref();
-        if nodes.iter().any(|&count| count < 2) {
-            let value = format!("{nodes:?}");
-            return Err(self.error(Problem::NotAccepted { key: "mesh.nodes", value }, mesh.nodes.span()));
-        }
-        let block = Block {
-            nodes,
-            spacing: self.spacing(&mesh.spacing)?,
-            stencil: match mesh.stencil {
-                StencilName::Structural => Stencil::Structural,
-                StencilName::Shear => Stencil::Shear,
-                StencilName::Full => Stencil::Full,
-            },
-        };
-        self.fits_memory(&block, local, integrator, ticks, mesh.nodes.span())?;
-        let fixed = self.fixed(&mesh.fixed, &block)?;
-        Ok((block, fixed))
-    }
-
-    fn spacing(&self, spacing: &Spanned<f64>) -> Placed<f64> {
-        let key = "mesh.spacing";
-        let value = self.number(key, spacing, Sign::Positive)?;
-        if value >= LEAST_SPACING {
-            return Ok(value);
-        }
-        Err(self.error(Problem::NotAccepted { key, value: value.to_string() }, spacing.span()))
-    }
-
-    /// Before anything of the mesh's size is allocated.
-    fn fits_memory(
-        &self,
-        block: &Block,
-        local: &LocalSettings,
-        integrator: LocalIntegrator,
-        [ticks, cycle_ticks]: [u64; 2],
-        span: Range<usize>,
-    ) -> Placed<()> {
-        let nodes = block.nodes.iter().fold(1_u128, |product, &count| product.saturating_mul(count as u128));
-        let springs = block.edge_count() as u128;
-        // A ring goes one lattice step further in every direction.
-        let patch = match local.extent {
-            Extent::All => nodes,
-            Extent::Rings(rings) => nodes.min((2 * u128::from(rings) + 1).saturating_pow(3)),
-        };
-        // Matrices of the size of K, dense over every node of the patch: K, D, what a tick adds to them, and what is
-        // in use at once while that is built.
-        let matrices = match integrator {
-            LocalIntegrator::SemiImplicitEuler => 2,
-            LocalIntegrator::ImplicitEuler | LocalIntegrator::ImplicitMidpoint => 2 + 3 + 9,
-            LocalIntegrator::Exponential => 2 + 6 + 18,
-        };
-        let matrix = match local.linearization {
-            Linearization::Tangent(_) => patch.saturating_mul(patch).saturating_mul(matrices * 9 * 8),
-            Linearization::None => 0,
-        };
-        // Positions and velocities of every tick of a cycle, for the replay.
-        let recorded = match local.extent {
-            Extent::All => 0,
-            Extent::Rings(_) => patch.saturating_mul(u128::from(ticks.min(cycle_ticks)) + 1).saturating_mul(2 * 24),
-        };
-        let factor = match local.exterior {
-            ExteriorKind::Fixed | ExteriorKind::Drifting => 0,
-            ExteriorKind::Condensed(condensation) => factor_bytes(condensation.reach, nodes),
-        };
-        let needed = nodes
-            .saturating_mul(BYTES_PER_NODE)
-            .saturating_add(springs.saturating_mul(BYTES_PER_SPRING))
-            .saturating_add(matrix)
-            .saturating_add(factor)
-            .saturating_add(recorded)
-            .saturating_add(u128::from(ticks) * BYTES_PER_TICK);
-        let mut system = sysinfo::System::new();
-        system.refresh_memory();
-        let available = u128::from(system.available_memory());
-        if needed <= available && nodes < u128::from(u32::MAX) {
-            return Ok(());
-        }
-        let mib = |bytes: u128| bytes >> 20;
-        let problem =
-            Problem::TooLarge { nodes, springs, ticks, needed_mib: mib(needed), available_mib: mib(available) };
-        Err(self
-            .error(problem, span)
-            .with_help("give fewer nodes (at most 2³² − 2), fewer rings or a shorter duration"))
-    }
-
-    fn fixed(&self, fixed: &Option<Spanned<Fixed>>, block: &Block) -> Placed<Vec<bool>> {
-        let count = block.nodes.iter().product();
-        let bottom = || (0..count).map(|node| block.is_bottom(node)).collect();
-        let Some(fixed) = fixed else { return Ok(bottom()) };
-        let refuse = |value: String| self.error(Problem::NotAccepted { key: "mesh.fixed", value }, fixed.span());
-        match fixed.get_ref() {
-            Fixed::Named(FixedName::Bottom) => Ok(bottom()),
-            Fixed::Named(FixedName::None) => Ok(vec![false; count]),
-            Fixed::Region(FixedRegion::BelowZ(z)) if z.is_finite() => {
-                Ok(block.mesh().nodes.iter().map(|node| node.z < *z).collect())
-            }
-            Fixed::Region(FixedRegion::BelowZ(z)) => Err(refuse(format!("{{ below_z = {z} }}"))),
-            Fixed::Region(FixedRegion::Nodes(nodes)) => {
-                let mut fixed = vec![false; count];
-                for &node in nodes {
-                    match fixed.get_mut(node as usize) {
-                        Some(fixed) => *fixed = true,
-                        None => return Err(refuse(format!("node {node} of {count}"))),
-                    }
-                }
-                Ok(fixed)
-            }
-        }
     }
 
     fn local(&self, local: &LocalTable) -> Placed<LocalSettings> {
@@ -525,80 +355,6 @@ impl Checker {
                 Some(MetricName::Mass) => Metric::Mass,
             },
         })
-    }
-
-    fn timing(&self, timing: &TimingTable, schedule: Schedule, tick: f64) -> Placed<(Deadline, Option<Costs>)> {
-        let TimingTable { tick_cost, model_cost, deadline, overrun, seed } = timing;
-        let is_seeded = |cost: &Option<Spanned<CostValue>>| {
-            matches!(cost.as_ref().map(Spanned::get_ref), Some(CostValue::LogNormal(_) | CostValue::Rare(_)))
-        };
-        let (tick_span, model_span) = (tick_cost.as_ref().map(Spanned::span), model_cost.as_ref().map(Spanned::span));
-        match schedule {
-            Schedule::Threads => {
-                self.no_effect("timing.tick_cost", tick_span, IN_REAL_TIME)?;
-                self.no_effect("timing.model_cost", model_span, IN_REAL_TIME)?;
-                self.no_effect("timing.seed", seed.as_ref().map(Spanned::span), IN_REAL_TIME)?;
-            }
-            Schedule::Lockstep => {
-                if tick_cost.is_none() {
-                    let because = "ticks that take no time: give `timing.tick_cost`";
-                    self.no_effect("timing.deadline", deadline.as_ref().map(Spanned::span), because)?;
-                    self.no_effect("timing.overrun", overrun.as_ref().map(Spanned::span), because)?;
-                }
-                if !is_seeded(tick_cost) && !is_seeded(model_cost) {
-                    let because = "costs of which none is drawn from a distribution";
-                    self.no_effect("timing.seed", seed.as_ref().map(Spanned::span), because)?;
-                }
-            }
-        }
-        let after = match deadline {
-            None => tick,
-            Some(deadline) => {
-                let after = self.number("timing.deadline", deadline, Sign::Positive)?;
-                if !(after <= tick) {
-                    let value = format!("{after} s: a tick is over after {tick} s");
-                    return Err(self.error(Problem::NotAccepted { key: "timing.deadline", value }, deadline.span()));
-                }
-                after
-            }
-        };
-        let overrun = overrun.as_ref().map_or(OverrunPolicy::Hold, |overrun| *overrun.get_ref());
-        let costs = if tick_cost.is_some() || model_cost.is_some() {
-            Some(Costs {
-                tick: self.cost("timing.tick_cost", tick_cost)?,
-                model: self.cost("timing.model_cost", model_cost)?,
-                seed: seed.as_ref().map_or(0, |seed| *seed.get_ref()),
-            })
-        } else {
-            None
-        };
-        Ok((Deadline { after, overrun }, costs))
-    }
-
-    /// Nothing if the key is absent.
-    fn cost(&self, key: &'static str, cost: &Option<Spanned<CostValue>>) -> Placed<Cost> {
-        let Some(cost) = cost else { return Ok(Cost::Constant(0.0)) };
-        let check = |value: f64| self.check(key, value, cost.span(), Sign::NonNegative);
-        let refuse = |value: String| Err(self.error(Problem::NotAccepted { key, value }, cost.span()));
-        match cost.get_ref() {
-            CostValue::Constant(value) => Ok(Cost::Constant(check(*value)?)),
-            CostValue::Table(values) if values.is_empty() => refuse("an empty list".to_owned()),
-            CostValue::Table(values) => {
-                values.iter().map(|&value| check(value)).collect::<Placed<Vec<_>>>().map(Cost::Table)
-            }
-            &CostValue::LogNormal(LogNormalCost { median, p99 }) => {
-                if !(median > 0.0 && p99 >= median && p99.is_finite()) {
-                    return refuse(format!("{{ median = {median}, p99 = {p99} }}"));
-                }
-                Ok(Cost::LogNormal { median, p99 })
-            }
-            &CostValue::Rare(RareCost { usual, rare, share }) => {
-                if !(0.0..=1.0).contains(&share) {
-                    return refuse(format!("drawn with share = {share}"));
-                }
-                Ok(Cost::Rare { usual: check(usual)?, rare: check(rare)?, share })
-            }
-        }
     }
 
     fn number(&self, key: &'static str, value: &Spanned<f64>, sign: Sign) -> Placed<f64> {

@@ -18,7 +18,7 @@ use crate::model::condensation::CondensationCounts;
 use crate::model::local::LocalSettings;
 use crate::model::mesh::{Block, Mesh, Stencil};
 use crate::pipeline::{Simulation, TickView};
-use crate::scene::{Scene, SceneError};
+use crate::scene::{MeshSource, Scene, SceneError};
 
 /// A free tip this far inside the surface, m, has passed through it.
 const TUNNELLED_M: f64 = 1e-12;
@@ -310,7 +310,7 @@ impl Extreme {
     fn watch(&self, mut scene: Scene) -> Result<Watch, Got> {
         let mesh = match self.reshape {
             Some(reshape) => reshape(&mut scene),
-            None => scene.block.mesh(),
+            None => scene.mesh.mesh(),
         };
         let simulation = Simulation::assemble(&scene, &mesh).map_err(|error| Got::Refused(error.to_string()))?;
         let mut watch = Watch::new(&scene, &mesh);
@@ -507,16 +507,17 @@ fn any(_: u32) -> bool {
 
 /// Squeezes a block along y to a hundredth.
 fn needles(scene: &mut Scene) -> Mesh {
-    let mut mesh = scene.block.mesh();
+    let mut mesh = scene.mesh.mesh();
     mesh.nodes.iter_mut().for_each(|x| x.y *= 1e-2);
     mesh
 }
 
 /// Sets a second block of 3 × 3 × 3 nodes beside the scene's.
 fn two_pieces(scene: &mut Scene) -> Mesh {
-    let second = Block { nodes: [3; 3], spacing: scene.block.spacing, stencil: Stencil::Shear };
-    let aside = Vec3::x() * (scene.block.spacing * scene.block.nodes[0] as f64);
-    let (mut mesh, other) = (scene.block.mesh(), second.mesh());
+    let MeshSource::Block(block) = scene.mesh else { return scene.mesh.mesh() };
+    let second = Block { nodes: [3; 3], spacing: block.spacing, stencil: Stencil::Shear };
+    let aside = Vec3::x() * (block.spacing * block.nodes[0] as f64);
+    let (mut mesh, other) = (block.mesh(), second.mesh());
     let first = mesh.nodes.len() as u32;
     mesh.nodes.extend(other.nodes.iter().map(|x| x + aside));
     mesh.edges.extend(other.edges.iter().map(|edge| edge.map(|node| node + first)));

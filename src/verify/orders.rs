@@ -258,14 +258,14 @@ fn local_positions(
         }
     })?;
     // All nodes that are not fixed, in ascending order, and then the fixed ones.
-    let mesh = scene.block.mesh().nodes;
+    let mesh = scene.mesh.mesh().nodes;
     let nodes = |fixed: bool| mesh.iter().zip(&scene.fixed).filter(move |(_, is)| **is == fixed).map(|(x, _)| *x);
     Ok((nodes(false).chain(nodes(true)).collect(), end))
 }
 
 fn global_positions(integrator: GlobalIntegrator, divisor: u32) -> Result<(Vec<Vec3>, Vec<Vec3>), OrderError> {
     let scene = scene(LocalIntegrator::SemiImplicitEuler, Scheme::Velocity, Motion::Free, divisor)?;
-    let network = Network::new(&scene.block.mesh(), &scene.material, scene.fixed.clone());
+    let network = Network::new(&scene.mesh.mesh(), &scene.material, scene.fixed.clone());
     let mut state = network.rest_state();
     let mut stepper = Stepper::new(&network);
     for _ in 0..scene.tick_count {

@@ -269,7 +269,7 @@ struct Subject {
 
 impl Subject {
     fn new(scene: &Scene, point: &MapPoint) -> Result<Self, MapError> {
-        let mesh = scene.block.mesh();
+        let mesh = scene.mesh.mesh();
         let surface = Arc::new(Surface::new(&mesh).map_err(|_| MapError::NoSurface)?);
         let geometry = ContactGeometry::new(scene.surface, &surface).map_err(|_| MapError::NoSurface)?;
         let mut material = scene.material.clone();
@@ -367,7 +367,7 @@ impl Subject {
         };
 
         // K u = Wᵀλ with W u = −δ n̂, in the scaled coordinates.
-        let depth = PRESSED * scene.block.spacing;
+        let depth = PRESSED * scene.mesh.spacing();
         let compliance = stiffness.clone().lu().solve(&w.transpose()).ok_or(MapError::NotHeld)?;
         let push = (&w * &compliance).lu().solve(&DVector::from_column_slice((touch.normal * -depth).as_slice()));
         let push = push.ok_or(MapError::NotHeld)?;

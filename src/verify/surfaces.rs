@@ -14,7 +14,7 @@ use crate::model::mesh::Block;
 use crate::model::step::LocalIntegrator;
 use crate::output::spectrum::power_above;
 use crate::pipeline::{self, RunError};
-use crate::scene::Scene;
+use crate::scene::{MeshSource, Scene};
 
 /// The drags that are compared: 6 mm deep, one for each law.
 pub const DRAGS: [&str; 3] = ["deep-sliding", "deep-sticking", "deep-stick-slip"];
@@ -85,7 +85,7 @@ pub fn grid(refinement: usize) -> Vec<Combination> {
                 let mut scene = whole(&shipped, kind, rules);
                 refine(&mut scene, refinement);
                 scene.name = format!("{drag}, {surface}, {scheme}");
-                grid.push(Combination { drag, surface, scheme, spacing_m: scene.block.spacing, scene });
+                grid.push(Combination { drag, surface, scheme, spacing_m: scene.mesh.spacing(), scene });
             }
         }
     }
@@ -102,14 +102,15 @@ pub fn whole(scene: &Scene, surface: ContactSurface, scheme: Scheme) -> Scene {
 
 fn refine(scene: &mut Scene, refinement: usize) {
     let factor = refinement as f64;
-    let block = scene.block;
-    scene.block = Block {
-        nodes: block.nodes.map(|count| (count - 1) * refinement + 1),
-        spacing: block.spacing / factor,
-        stencil: block.stencil,
+    let MeshSource::Block(coarse) = scene.mesh else { return };
+    let block = Block {
+        nodes: coarse.nodes.map(|count| (count - 1) * refinement + 1),
+        spacing: coarse.spacing / factor,
+        stencil: coarse.stencil,
     };
-    let count = scene.block.nodes.iter().product();
-    scene.fixed = (0..count).map(|node| scene.block.is_bottom(node)).collect();
+    let count = block.nodes.iter().product();
+    scene.mesh = MeshSource::Block(block);
+    scene.fixed = (0..count).map(|node| block.is_bottom(node)).collect();
     let material = &mut scene.material;
     let mass = material.node_mass.first().copied().unwrap_or_default();
     material.node_mass = vec![mass / factor.powi(3); count];
@@ -161,7 +162,7 @@ pub fn feel(scene: &Scene, mut progress: impl FnMut(u64)) -> Result<Felt, RunErr
 fn ripple(scene: &Scene, forces: &[Vec3]) -> Option<f64> {
     let end = scene.tick_count as f64 * scene.tick;
     let way = scene.path.at(end) - scene.path.at(end - scene.tick);
-    let edges_per_tick = way.norm() / scene.block.spacing;
+    let edges_per_tick = way.norm() / scene.mesh.spacing();
     let ticks_per_edge = (1.0 / edges_per_tick).round();
     if !(ticks_per_edge >= 2.0 && ticks_per_edge <= forces.len() as f64) {
         return None;

@@ -132,7 +132,7 @@ def block(scene):
     """The network of a scene's block: node (ix, iy, iz) is (iz ny + iy) nx + ix, the top layer lies at z = 0."""
     mesh, material = scene["mesh"], scene["material"]
     if mesh.kind != "block":
-        raise SceneError("only blocks are generated here; take other meshes from a network.json")
+        raise SceneError("this is no block")
     if mesh.nodes is None or mesh.spacing is None:
         raise SceneError("[mesh] needs nodes and spacing")
     if (material.stiffness is None) == (material.young_modulus is None):
@@ -206,7 +206,7 @@ def block_masses(grid, counts, mesh, material):
 
 
 def block_fixed(nodes, grid, fixed):
-    if fixed == "bottom":
+    if fixed in (None, "bottom"):
         return grid[:, 2] == 0
     if fixed == "none":
         return np.zeros(len(grid), bool)

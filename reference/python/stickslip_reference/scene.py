@@ -16,8 +16,8 @@ OPTIONAL = None
 
 # section -> key -> default. REQUIRED has none; OPTIONAL keys stay None when the scene does not give them.
 DEFAULTS = {
-    "mesh": {"kind": "block", "nodes": OPTIONAL, "spacing": OPTIONAL, "stencil": "shear", "fixed": "bottom",
-             "path": OPTIONAL, "scale": 1.0},
+    "mesh": {"kind": "block", "nodes": OPTIONAL, "spacing": OPTIONAL, "stencil": "shear", "fixed": OPTIONAL,
+             "path": OPTIONAL, "scale": 1.0, "layers": OPTIONAL, "layer_depth": OPTIONAL, "anchor": OPTIONAL},
     "material": {"node_mass": OPTIONAL, "density": OPTIONAL, "stiffness": OPTIONAL, "young_modulus": OPTIONAL,
                  "damping": OPTIONAL, "damping_ratio": OPTIONAL, "gravity": [0.0, 0.0, 0.0], "drag": 0.0},
     "global": {"rate": 10.0, "integrator": "semi-implicit-euler", "substeps": 100},
@@ -128,7 +128,8 @@ class Scene:
         if type(self.settle) is not bool or (self.settle and not any(material.gravity)):
             raise SceneError("settle must be true or false, and true only with material.gravity")
         check_instrument(self["instrument"])
-        self.waypoints = read_waypoints(self["instrument"], Path(folder))
+        self.folder = Path(folder)
+        self.waypoints = read_waypoints(self["instrument"], self.folder)
 
     def __getitem__(self, section):
         return self.sections[section]

@@ -7,22 +7,21 @@ use toml::Spanned;
 use super::{Checker, Placed, Sign};
 use crate::Vec3;
 use crate::model::material::{Bulk, Identification, MaterialError, PerSpring, pair_damping};
-use crate::model::mesh::Block;
 use crate::model::network::Material;
+use crate::scene::MeshSource;
 use crate::scene::error::{Problem, SceneError};
 use crate::scene::file::{IdentificationName, MaterialTable, PerNode};
 
 impl Checker {
-    pub(super) fn material(&self, table: &Spanned<MaterialTable>, block: &Block) -> Placed<Material> {
+    pub(super) fn material(&self, table: &Spanned<MaterialTable>, mesh: &MeshSource) -> Placed<Material> {
         let material = table.get_ref();
-        let bulk = Bulk::Lattice(block);
-        let node_mass = self.node_mass(table, bulk, block.nodes.iter().product())?;
-        let stiffness = self.stiffness(table, bulk)?;
+        let node_mass = self.node_mass(table, mesh)?;
+        let stiffness = self.stiffness(table, mesh.bulk())?;
         let damping = match (&material.damping, &material.damping_ratio) {
             (Some(damping), None) => PerSpring::Same(self.number("material.damping", damping, Sign::NonNegative)?),
             (None, Some(ratio)) => {
                 let ratio = self.number("material.damping_ratio", ratio, Sign::NonNegative)?;
-                PerSpring::Each(pair_damping(&block.mesh(), &stiffness, &node_mass, ratio))
+                PerSpring::Each(pair_damping(&mesh.mesh(), &stiffness, &node_mass, ratio))
             }
             (Some(_), Some(ratio)) => {
                 return Err(self.error(Problem::Both("material.damping_ratio", "material.damping"), ratio.span()));
@@ -46,16 +45,13 @@ impl Checker {
         })
     }
 
-    fn node_mass(&self, table: &Spanned<MaterialTable>, bulk: Bulk, nodes: usize) -> Placed<Vec<f64>> {
+    fn node_mass(&self, table: &Spanned<MaterialTable>, mesh: &MeshSource) -> Placed<Vec<f64>> {
         let material = table.get_ref();
         match (&material.node_mass, &material.density) {
-            (Some(mass), None) => self.per_node("material.node_mass", mass, nodes),
+            (Some(mass), None) => self.per_node("material.node_mass", mass, mesh.node_count()),
             (None, Some(density)) => {
-                let key = "material.density";
-                let mut mass = self.per_node(key, density, nodes)?;
-                let volumes = bulk.node_volumes();
-                let volumes = volumes.map_err(|error| self.not_material(key, error, density.span()))?;
-                mass.iter_mut().zip(volumes).for_each(|(mass, volume)| *mass *= volume);
+                let mut mass = self.per_node("material.density", density, mesh.node_count())?;
+                mass.iter_mut().zip(mesh.node_volumes()).for_each(|(mass, volume)| *mass *= volume);
                 Ok(mass)
             }
             (Some(_), Some(density)) => {
@@ -96,9 +92,7 @@ impl Checker {
     fn not_material(&self, key: &'static str, error: MaterialError, span: Range<usize>) -> SceneError {
         self.error(Problem::Material { key, error }, span).with_help(match error {
             MaterialError::NoShear => "give another `mesh.stencil`, or `material.stiffness`",
-            MaterialError::NoVolume => {
-                "give a mesh of tetrahedra, or `material.node_mass` and `material.stiffness` instead"
-            }
+            MaterialError::NoVolume => "give a mesh of tetrahedra, or `material.stiffness` instead",
             MaterialError::Flat { .. } | MaterialError::Loose { .. } => "repair the mesh",
         })
     }

@@ -1,0 +1,421 @@
+//! Meshes from files: every format gives the same mesh, what is made of it is a body, and what is none is refused
+//! with its name. Damaged files are refused too, and never trusted with a count.
+
+use std::collections::{HashMap, HashSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use stickslip::Vec3;
+use stickslip::mesh_file::{FileMesh, Layers, MeshFile, MeshProblem};
+
+/// Bytes; far more than any file here takes.
+const BUDGET: u64 = 1 << 26;
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/meshes")
+}
+
+/// Files in every format whose names begin so.
+fn formats(start: &str) -> Vec<PathBuf> {
+    let files = fs::read_dir(folder().join("formats")).expect("a folder");
+    let mut paths: Vec<PathBuf> = files.map(|file| file.expect("a file").path()).collect();
+    paths.retain(|path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(start)));
+    paths.sort();
+    paths
+}
+
+fn read(path: &Path) -> MeshFile {
+    MeshFile::read(path, BUDGET).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn distance(a: &[Vec3], b: &[Vec3]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(a, b)| (a - b).amax()).fold(0.0, f64::max)
+}
+
+/// A triangle from its lowest node on: the same whichever corner it starts with, but not turned over.
+fn rotated(triangle: [u32; 3]) -> [u32; 3] {
+    let lowest = (0..3).min_by_key(|&i| triangle[i]).unwrap_or(0);
+    [0, 1, 2].map(|i| triangle[(lowest + i) % 3])
+}
+
+fn enclosed(mesh: &FileMesh) -> f64 {
+    let corner = |node: u32| mesh.mesh.nodes[node as usize];
+    mesh.mesh.triangles.iter().map(|t| t.map(corner)).map(|[a, b, c]| a.dot(&b.cross(&c)) / 6.0).sum()
+}
+
+/// Written by Gmsh, VTK and meshio: MSH 2.2 and 4.1, legacy VTK 4.2 and 5.1, XML; text, bytes in either order, base64, appended,
+/// raw, compressed. Text of VTK has ten digits.
+#[test]
+fn every_format_gives_the_same_mesh() {
+    let paths = formats("solid");
+    assert!(paths.len() >= 20, "{} files", paths.len());
+    let expected = read(&folder().join("formats/solid-2.2-text.msh")).solid(0.001).expect("a body");
+    let mut worst = 0.0_f64;
+    for path in paths {
+        let mesh = read(&path).solid(0.001).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(mesh.mesh.tetrahedra, expected.mesh.tetrahedra, "{}", path.display());
+        assert_eq!(mesh.mesh.edges, expected.mesh.edges, "{}", path.display());
+        assert_eq!(mesh.mesh.triangles, expected.mesh.triangles, "{}", path.display());
+        let off = distance(&mesh.mesh.nodes, &expected.mesh.nodes);
+        let is_short = path.to_string_lossy().contains("text") && path.extension().is_some_and(|e| e != "msh");
+        if is_short {
+            worst = worst.max(off);
+        } else {
+            assert!(off == 0.0, "{}: {off:e} m", path.display());
+        }
+        assert!(off <= 1e-11, "{}: {off:e} m", path.display());
+    }
+    println!("RESIDUAL | text of ten digits | nodes of a body of 54 mm, m | 1e-11 | {worst:.1e}");
+}
+
+#[test]
+fn every_format_gives_the_same_surface() {
+    let solid = read(&folder().join("formats/solid-4.1-bytes.msh")).solid(0.001).expect("a body");
+    let outside: HashSet<_> = (solid.mesh.triangles.iter())
+        .map(|triangle| {
+            rotated(*triangle).map(|node| solid.mesh.nodes[node as usize].map(|x| (x * 1e9).round() as i64))
+        })
+        .collect();
+    let paths = formats("surface");
+    assert!(paths.len() >= 6, "{} files", paths.len());
+    for path in paths {
+        let file = read(&path);
+        assert!(file.is_surface());
+        let shell = file.shell(0.001, Layers { count: 1, depth: 0.001 }).unwrap_or_else(|error| panic!("{error}"));
+        let volume = enclosed(&shell);
+        assert!((volume - 24e-6).abs() <= 1e-15, "{}: {volume:e} m³", path.display());
+        let vertex = |node: u32| shell.mesh.nodes[node as usize].map(|x| (x * 1e9).round() as i64);
+        // Nodes are numbered otherwise, so a triangle's first corner is another: compare all three turns.
+        for &[a, b, c] in &shell.mesh.triangles {
+            let turns = [[a, b, c], [b, c, a], [c, a, b]].map(|turn| turn.map(vertex));
+            assert!(turns.iter().any(|turn| outside.contains(turn)), "{}: {turns:?}", path.display());
+        }
+        assert_eq!(shell.mesh.triangles.len(), outside.len(), "{}", path.display());
+    }
+}
+
+/// A body is what it is made of: volumes add up, edges are the tetrahedra's, and faces between two of them are inside.
+#[test]
+fn a_solid_is_a_body() {
+    for name in ["ellipsoid-500.msh", "liver-500.msh", "ellipsoid-5000.vtu", "liver-5000.vtu"] {
+        let solid = read(&folder().join(name)).solid(1.0).unwrap_or_else(|error| panic!("{error}"));
+        let mesh = &solid.mesh;
+        let mut faces: HashMap<[u32; 3], usize> = HashMap::new();
+        let mut edges = HashSet::new();
+        let mut sum = 0.0;
+        for &[a, b, c, d] in &mesh.tetrahedra {
+            let [p, q, r, s] = [a, b, c, d].map(|node| mesh.nodes[node as usize]);
+            let volume = (q - p).cross(&(r - p)).dot(&(s - p)) / 6.0;
+            assert!(volume > 0.0);
+            sum += volume;
+            for mut face in [[a, b, c], [a, b, d], [a, c, d], [b, c, d]] {
+                face.sort_unstable();
+                *faces.entry(face).or_default() += 1;
+            }
+            for [i, j] in [[a, b], [a, c], [a, d], [b, c], [b, d], [c, d]] {
+                edges.insert([i.min(j), i.max(j)]);
+            }
+        }
+        let mut expected: Vec<_> = edges.into_iter().collect();
+        expected.sort_unstable();
+        assert_eq!(mesh.edges, expected, "{name}");
+        let mut outside: Vec<_> = faces.into_iter().filter(|&(_, count)| count == 1).map(|(face, _)| face).collect();
+        let mut surface = mesh.triangles.clone();
+        surface.iter_mut().for_each(|triangle| triangle.sort_unstable());
+        outside.sort_unstable();
+        surface.sort_unstable();
+        assert_eq!(surface, outside, "{name}");
+        let (inside, shares) = (enclosed(&solid), solid.node_volumes.iter().sum::<f64>());
+        let off = ((inside - sum) / sum).abs().max(((shares - sum) / sum).abs());
+        println!("RESIDUAL | {name} | volume by surface, tetrahedra and nodes, relative | 1e-12 | {off:.1e}");
+        assert!(off <= 1e-12, "{name}: {off:e}");
+    }
+}
+
+/// MSH 2.2 as text, with numbers of nodes of one's own.
+fn msh(nodes: &[(u64, [f64; 3])], elements: &[(u32, &[u64])]) -> String {
+    let mut text = format!("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n{}\n", nodes.len());
+    for (number, [x, y, z]) in nodes {
+        text += &format!("{number} {x} {y} {z}\n");
+    }
+    text += &format!("$EndNodes\n$Elements\n{}\n", elements.len());
+    for (i, (kind, nodes)) in elements.iter().enumerate() {
+        let nodes: Vec<String> = nodes.iter().map(ToString::to_string).collect();
+        text += &format!("{} {kind} 2 0 1 {}\n", i + 1, nodes.join(" "));
+    }
+    text + "$EndElements\n"
+}
+
+const CORNERS: [(u64, [f64; 3]); 5] =
+    [(1, [0.0, 0.0, 0.0]), (2, [1.0, 0.0, 0.0]), (3, [0.0, 1.0, 0.0]), (4, [0.0, 0.0, 1.0]), (5, [1.0, 1.0, 1.0])];
+const TETRAHEDRON: (u32, &[u64]) = (4, &[1, 2, 3, 4]);
+/// On the other side of the first one's slanting face.
+const SECOND: (u32, &[u64]) = (4, &[2, 3, 4, 5]);
+/// The faces of the first one, outwards.
+const FACES: [(u32, &[u64]); 4] = [(2, &[1, 3, 2]), (2, &[1, 2, 4]), (2, &[1, 4, 3]), (2, &[2, 3, 4])];
+
+fn made(text: &str) -> Result<FileMesh, MeshProblemText> {
+    made_of(text.as_bytes(), "x.msh", 1.0, Layers { count: 1, depth: 0.01 })
+}
+
+/// Words of an error, and its advice.
+type MeshProblemText = (String, String);
+
+fn made_of(bytes: &[u8], name: &str, scale: f64, layers: Layers) -> Result<FileMesh, MeshProblemText> {
+    let file = MeshFile::parse(bytes, Path::new(name), BUDGET);
+    let made = file.and_then(|file| if file.is_surface() { file.shell(scale, layers) } else { file.solid(scale) });
+    made.map_err(|error| (error.to_string(), error.problem().advice().to_owned()))
+}
+
+fn moved(number: u64, position: [f64; 3]) -> [(u64, [f64; 3]); 5] {
+    CORNERS.map(|(n, x)| if n == number { (n, position) } else { (n, x) })
+}
+
+/// What is wrong, the file, and words of the message.
+#[test]
+fn what_is_no_body_is_refused_by_name() {
+    let good = msh(&CORNERS, &[TETRAHEDRON, SECOND]);
+    assert!(made(&good).is_ok());
+    let apart: Vec<(u64, [f64; 3])> =
+        (CORNERS.into_iter()).chain(CORNERS.map(|(n, [x, y, z])| (n + 5, [x + 9.0, y, z]))).collect();
+    let mixed: (u32, &[u64]) = (4, &[3, 2, 4, 5]);
+    let cases: &[(&str, String, &str)] = &[
+        ("no elements", msh(&CORNERS, &[]), "neither tetrahedra nor triangles"),
+        ("only lines", msh(&CORNERS, &[(1, &[1, 2])]), "neither tetrahedra nor triangles"),
+        ("no nodes", msh(&[], &[TETRAHEDRON]), "has no nodes"),
+        ("unknown node", msh(&CORNERS, &[TETRAHEDRON, (4, &[1, 2, 3, 99])]), "element 1 names node 99"),
+        ("one number twice", msh(&[CORNERS[0], CORNERS[0]], &[TETRAHEDRON]), "two nodes have the number 1"),
+        ("not a number", good.replacen("1 0 0\n", "1 nan 0\n", 1), "node 1 lies at"),
+        ("infinite", good.replacen("1 0 0\n", "1 inf 0\n", 1), "which is not finite"),
+        (
+            "two at one place",
+            msh(&moved(5, [0.0, 1.0, 1e-10]), &[TETRAHEDRON, SECOND]),
+            "nodes 2 and 4 lie at the same",
+        ),
+        (
+            "a flat one",
+            msh(&moved(5, [0.2, 0.3, 0.5]), &[TETRAHEDRON, SECOND]),
+            "tetrahedron 1 with nodes [1, 2, 3, 4]",
+        ),
+        ("a node twice", msh(&CORNERS, &[TETRAHEDRON, (4, &[1, 2, 2, 5])]), "is flat"),
+        ("one inverted", msh(&CORNERS, &[TETRAHEDRON, mixed]), "1 of 2 tetrahedra are inverted"),
+        ("one twice", msh(&CORNERS, &[TETRAHEDRON, SECOND, TETRAHEDRON]), "tetrahedra 0 and 2 lie on the same side"),
+        ("two pieces", msh(&apart, &[TETRAHEDRON, SECOND, (4, &[6, 7, 8, 9])]), "is 2 separate pieces, of 5, 4 nodes"),
+        ("second order", msh(&CORNERS, &[(11, &[1, 2, 3, 4, 5])]), "tetrahedron of second order (Gmsh type 11)"),
+        ("a hexahedron", msh(&CORNERS, &[TETRAHEDRON, (5, &[1, 2, 3, 4])]), "element 1 is a hexahedron"),
+        ("an open surface", msh(&CORNERS, &FACES[..3]), "the surface is open"),
+        ("a turned triangle", msh(&CORNERS, &[FACES[0], FACES[1], FACES[2], (2, &[3, 2, 4])]), "consistently oriented"),
+        ("a flat triangle", msh(&CORNERS, &[FACES[0], (2, &[1, 2, 2])]), "triangle 1 with nodes [0, 1, 1] is flat"),
+        ("no inside", msh(&CORNERS, &[FACES[0], (2, &[1, 2, 3])]), "encloses no volume"),
+        ("another version", good.replacen("2.2 0 8", "4.0 0 8", 1), "is in MSH 4.0"),
+        (
+            "a word for a number",
+            good.replacen("\n1 4 2", "\n1 four 2", 1),
+            ":13: expected the type of an element, found \"four\"",
+        ),
+        ("no MSH", "solid".to_owned(), "expected $MeshFormat"),
+        ("nothing", String::new(), "expected $MeshFormat"),
+        ("only a header", good.lines().take(3).map(|line| format!("{line}\n")).collect(), "has no nodes"),
+    ];
+    for (what, text, words) in cases {
+        let (message, advice) = made(text).err().unwrap_or_else(|| panic!("{what}: it is taken"));
+        assert!(message.contains(words), "{what}: {words:?} is not in {message}");
+        assert!(!advice.is_empty() && message.starts_with("x.msh"), "{what}: {message}");
+    }
+    for name in ["x.stl", "x", "x.msh.gz"] {
+        let (message, advice) = made_of(good.as_bytes(), name, 1.0, Layers { count: 1, depth: 0.01 }).unwrap_err();
+        assert!(message.contains("no mesh file by its name") && advice.contains(".vtu"), "{message}");
+    }
+    let far = made_of(good.as_bytes(), "x.msh", 1e300, Layers { count: 1, depth: 0.01 });
+    assert!(far.is_err(), "coordinates that overflow");
+}
+
+/// Two tetrahedra that touch at an edge, or at a node only.
+#[test]
+fn bodies_that_hang_by_a_thread_are_refused() {
+    let far = |n: u64, [x, y, z]: [f64; 3]| (n, [x, y, z]);
+    let nodes: Vec<_> = (CORNERS.into_iter().take(4))
+        .chain([far(5, [-1.0, 0.0, 0.0]), far(6, [0.0, -1.0, 0.0]), far(7, [0.0, 0.0, -1.0])])
+        .collect();
+    let at_node: (u32, &[u64]) = (4, &[1, 6, 5, 7]);
+    let at_edge: (u32, &[u64]) = (4, &[1, 4, 5, 6]);
+    for (second, words) in [(at_node, "touch only at node 0"), (at_edge, "not a consistently oriented manifold")] {
+        let text = msh(&nodes, &[TETRAHEDRON, second]);
+        // Whichever way round the second is.
+        let turned = msh(&nodes, &[TETRAHEDRON, (4, &[second.1[0], second.1[2], second.1[1], second.1[3]])]);
+        let messages = [made(&text), made(&turned)].map(|made| made.unwrap_err().0);
+        assert!(messages.iter().any(|message| message.contains(words)), "{messages:?}");
+    }
+}
+
+/// All inverted ones are turned round; numbers of nodes are names, whatever their order; unused nodes are left out, and
+/// triangles beside tetrahedra do not matter.
+#[test]
+fn what_differs_in_writing_only_is_the_same_mesh() {
+    let expected = made(&msh(&CORNERS, &[TETRAHEDRON, SECOND])).expect("a body");
+    assert_eq!((expected.mesh.nodes.len(), expected.unused_nodes), (5, 0));
+    let inverted = made(&msh(&CORNERS, &[(4, &[1, 2, 4, 3]), (4, &[2, 3, 5, 4])])).expect("a body");
+    assert_eq!(inverted.mesh, expected.mesh);
+    let numbers = [70, 3, 12, 5, 4];
+    let renumbered: Vec<_> = CORNERS.iter().zip(numbers).map(|((_, x), number)| (number, *x)).collect();
+    let elements: [(u32, &[u64]); 2] = [(4, &[70, 3, 12, 5]), (4, &[3, 12, 5, 4])];
+    assert_eq!(made(&msh(&renumbered, &elements)).expect("a body").mesh, expected.mesh);
+    let mut with_unused = CORNERS.to_vec();
+    with_unused.insert(2, (9, [7.0, 7.0, 7.0]));
+    let with_unused = made(&msh(&with_unused, &[(15, &[9]), FACES[0], TETRAHEDRON, SECOND])).expect("a body");
+    assert_eq!((&with_unused.mesh, with_unused.unused_nodes), (&expected.mesh, 1));
+    let windows = msh(&CORNERS, &[TETRAHEDRON, SECOND]).replace('\n', "\r\n");
+    assert_eq!(made(&windows).expect("a body").mesh, expected.mesh);
+}
+
+/// The sphere of the ellipsoid's mesh, scaled back.
+fn ball() -> MeshFile {
+    let solid = read(&folder().join("ellipsoid-500.msh")).solid(1.0).expect("a body");
+    let position =
+        |node: usize| solid.mesh.nodes[node].component_div(&Vec3::new(0.060, 0.045, 0.030)).normalize() * 0.05;
+    let nodes: Vec<_> = (0..solid.mesh.nodes.len()).map(|i| (i as u64 + 1, position(i).into())).collect();
+    let triangles: Vec<[u64; 3]> = solid.mesh.triangles.iter().map(|t| t.map(|node| u64::from(node) + 1)).collect();
+    let elements: Vec<(u32, &[u64])> = triangles.iter().map(|triangle| (2, triangle.as_slice())).collect();
+    MeshFile::parse(msh(&nodes, &elements).as_bytes(), Path::new("ball.msh"), BUDGET).expect("a surface")
+}
+
+/// Layers of a ball are smaller balls, each as far below the last as asked for, and fold over at the centre and not before.
+#[test]
+fn layers_of_a_ball_are_balls() {
+    let (radius, layers) = (0.05, Layers { count: 3, depth: 0.01 });
+    let sizes = layers.sizes(ball().cells());
+    let shell = ball().shell(1.0, layers).expect("a shell");
+    let count = shell.mesh.nodes.len() / 4;
+    assert!(shell.mesh.edges.len() as u128 <= sizes.1 && shell.mesh.nodes.len() as u128 <= sizes.0);
+    assert_eq!(shell.innermost, 3 * count..4 * count);
+    assert!(shell.mesh.tetrahedra.is_empty() && shell.mesh.triangles.as_flattened().iter().all(|&i| i < count as u32));
+    let surface_edges = shell.mesh.triangles.len() * 3 / 2;
+    assert_eq!(shell.mesh.edges.len(), 4 * surface_edges + 3 * (count + 2 * surface_edges));
+    let mut worst = 0.0_f64;
+    for (node, x) in shell.mesh.nodes.iter().enumerate() {
+        worst = worst.max((x.norm() - (radius - 0.01 * (node / count) as f64)).abs());
+    }
+    println!("RESIDUAL | layers of a ball of 50 mm | radius, m | 1e-3 | {worst:.1e}");
+    // Normals at the nodes of a coarse mesh are not quite radial.
+    assert!(worst <= 1e-3, "{worst:e} m");
+    let wall = 4.0 / 3.0 * std::f64::consts::PI * (radius.powi(3) - 0.02_f64.powi(3));
+    let off = (shell.node_volumes.iter().sum::<f64>() - wall).abs() / wall;
+    println!("RESIDUAL | layers of a ball of 50 mm | volume of the wall, relative | 0.05 | {off:.1e}");
+    assert!(off <= 0.05, "{off:e}");
+
+    assert!(ball().shell(1.0, Layers { count: 1, depth: 0.045 }).is_ok());
+    for depth in [0.055, 0.2, 1e300] {
+        let error = ball().shell(1.0, Layers { count: 1, depth }).expect_err("through the centre");
+        let folds = matches!(error.problem(), MeshProblem::Folds { depth_m, .. } if *depth_m == depth);
+        assert!(folds && error.problem().advice().contains("layer_depth"), "{error}");
+    }
+}
+
+/// Whatever becomes of it: no panic. (A count that is believed would be an abort, an endless loop a test that hangs.)
+fn survive(bytes: &[u8], name: &str) -> bool {
+    made_of(bytes, name, 0.001, Layers { count: 1, depth: 0.001 }).is_ok()
+}
+
+#[test]
+fn cut_files_are_refused() {
+    for path in formats("") {
+        let bytes = fs::read(&path).expect("a file");
+        let name = path.file_name().expect("a name").to_string_lossy();
+        assert!(survive(&bytes, &name), "{name}");
+        let step = (bytes.len() / 61).max(1);
+        for length in (0..bytes.len()).step_by(step) {
+            // What stands after the elements may be missing: VTK's tables of data, Gmsh's of names.
+            let is_taken = survive(&bytes[..length], &name);
+            assert!(!is_taken || length > bytes.len() / 2, "{name}: {length} of {} bytes are enough", bytes.len());
+        }
+    }
+}
+
+#[test]
+fn flipped_bits_never_panic() {
+    let mut rng = ChaCha8Rng::seed_from_u64(20);
+    let (mut refused, mut taken) = (0, 0);
+    for path in formats("") {
+        let bytes = fs::read(&path).expect("a file");
+        let name = path.file_name().expect("a name").to_string_lossy();
+        for _ in 0..150 {
+            let mut bytes = bytes.clone();
+            for _ in 0..1 + rng.next_u32() % 4 {
+                // Headers are short: half of the flips go there.
+                let range = if rng.next_u32() % 2 == 0 { bytes.len().min(400) } else { bytes.len() };
+                let at = rng.next_u64() as usize % range;
+                bytes[at] ^= 1 << (rng.next_u32() % 8);
+            }
+            if survive(&bytes, &name) { taken += 1 } else { refused += 1 }
+        }
+    }
+    println!("RESIDUAL | flipped bits | files refused, taken (low bits of coordinates) | - | {refused}, {taken}");
+    assert!(refused > taken, "{refused} refused, {taken} taken");
+}
+
+/// Counts that no file can keep, and structures that go on and on.
+#[test]
+fn announced_counts_are_not_believed() {
+    const MANY: u64 = i64::MAX as u64;
+    let msh4 = |blocks: u64, nodes: u64| {
+        format!("$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n{blocks} {nodes} 1 {nodes}\n3 1 0 {nodes}\n1\n0 0 0\n")
+    };
+    let bytes4 = [
+        b"$MeshFormat\n4.1 1 8\n\x01\0\0\0\n$EndMeshFormat\n$Nodes\n".as_slice(),
+        &[1_u64, MANY, 1, MANY].map(u64::to_le_bytes).concat(),
+        &[3_i32, 1, 0].map(i32::to_le_bytes).concat(),
+        &MANY.to_le_bytes(),
+        &[1; 64],
+    ]
+    .concat();
+    let vtk = |kind: &str| {
+        format!("# vtk DataFile Version 3.0\nx\n{kind}\nDATASET UNSTRUCTURED_GRID\nPOINTS {MANY} double\n1 2 3")
+    };
+    let vtu = |array: &str| {
+        format!(
+            "<VTKFile type='UnstructuredGrid' compressor='vtkZLibDataCompressor' header_type='UInt64'><UnstructuredGrid>\
+             <Piece NumberOfPoints='{MANY}' NumberOfCells='1'><Points><DataArray type='Float64' \
+             NumberOfComponents='3' {array}</DataArray></Points></Piece></UnstructuredGrid></VTKFile>"
+        )
+    };
+    let nested = "<VTKFile type='UnstructuredGrid'>".to_owned() + &"<Piece>".repeat(200_000);
+    let field = format!(
+        "# vtk DataFile Version 3.0\nx\nBINARY\nDATASET UNSTRUCTURED_GRID\nFIELD f {MANY}\na {MANY} {MANY} double\n"
+    );
+    let files: &[(&str, Vec<u8>)] = &[
+        ("x.msh", msh(&CORNERS, &[TETRAHEDRON]).replacen("$Nodes\n5", &format!("$Nodes\n{MANY}"), 1).into()),
+        ("x.msh", msh4(1, MANY).into()),
+        ("x.msh", msh4(MANY, 1).into()),
+        ("x.msh", bytes4),
+        ("x.vtk", vtk("ASCII").into()),
+        ("x.vtk", vtk("BINARY").into()),
+        ("x.vtk", field.into()),
+        // 2⁶³ − 1 blocks, and one that claims to inflate to as much.
+        ("x.vtu", vtu("format='binary'>/////////38AAAAAAAAAAAAAAAAAAAAA").into()),
+        ("x.vtu", vtu("format='ascii'>1 2 3").into()),
+        ("x.vtu", vtu("format='appended' offset='9223372036854775807'>").into()),
+        ("x.vtu", nested.into()),
+    ];
+    for (name, bytes) in files {
+        let refused = made_of(bytes, name, 1.0, Layers { count: 1, depth: 0.01 });
+        let (message, _) = refused.expect_err("a file that is refused");
+        println!("{}", message.chars().take(120).collect::<String>());
+    }
+}
+
+/// A small file may inflate to much: it is refused before it does, by the budget.
+#[test]
+fn memory_is_asked_for_before_it_is_used() {
+    let path = folder().join("liver-5000.vtu");
+    let size = fs::metadata(&path).expect("a file").len();
+    let error = MeshFile::read(&path, 4 * size).expect_err("too large");
+    assert!(matches!(error.problem(), MeshProblem::TooLarge { .. }), "{error}");
+    // Inflated, the nodes alone of a file that compresses well are larger than what its own size allows for.
+    let bytes = fs::read(&path).expect("a file");
+    let error = MeshFile::parse(&bytes, &path, 32 * 100_000).expect_err("too large once inflated");
+    assert!(matches!(error.problem(), MeshProblem::TooLarge { .. }), "{error}");
+    assert!(MeshFile::read(&path, BUDGET).is_ok());
+}

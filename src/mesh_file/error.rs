@@ -1,0 +1,264 @@
+//! What can be wrong with a mesh file, and what to do about it.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use crate::model::surface::SurfaceError;
+
+/// A mesh file that cannot be used.
+#[derive(Debug, Error)]
+#[error("{}{}: {}", path.display(), flaw.place, flaw.problem)]
+pub struct MeshFileError {
+    path: PathBuf,
+    flaw: Flaw,
+}
+
+impl MeshFileError {
+    pub(super) fn new(path: PathBuf, flaw: Flaw) -> Self {
+        Self { path, flaw }
+    }
+
+    /// What is wrong.
+    pub fn problem(&self) -> &MeshProblem {
+        &self.flaw.problem
+    }
+}
+
+/// A problem with its place in the file.
+#[derive(Debug)]
+pub(super) struct Flaw {
+    pub place: Place,
+    pub problem: MeshProblem,
+}
+
+impl From<MeshProblem> for Flaw {
+    fn from(problem: MeshProblem) -> Self {
+        Self { place: Place::Anywhere, problem }
+    }
+}
+
+/// Where in a file.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Place {
+    /// In all of it.
+    Anywhere,
+    /// Counted from 1.
+    Line(usize),
+    /// Counted from 0.
+    Byte(usize),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Place::Anywhere => Ok(()),
+            Place::Line(line) => write!(f, ":{line}"),
+            Place::Byte(byte) => write!(f, " (byte {byte})"),
+        }
+    }
+}
+
+/// What is wrong. Nodes and elements are counted from 0, in the order of the file.
+#[derive(Debug, Error)]
+pub enum MeshProblem {
+    /// The file cannot be read.
+    #[error("cannot be read: {0}")]
+    Unreadable(std::io::Error),
+    /// Not `.msh`, `.vtk` or `.vtu`.
+    #[error("is no mesh file by its name")]
+    Extension,
+    /// Reading it would take more memory than there is.
+    #[error("takes about {needed_mib} MiB to read; {budget_mib} MiB are free")]
+    TooLarge {
+        /// What it would take.
+        needed_mib: u64,
+        /// What there is.
+        budget_mib: u64,
+    },
+    /// Something else than what the format has there.
+    #[error("expected {what}, found {found:?}")]
+    Expected {
+        /// What the format has there.
+        what: &'static str,
+        /// What is there, its beginning.
+        found: String,
+    },
+    /// The file ends too early.
+    #[error("ends where {0} is expected")]
+    Ended(&'static str),
+    /// A part that has to be there.
+    #[error("has no {0}")]
+    Missing(&'static str),
+    /// A variety of the format that is not read.
+    #[error("is in {0}, which is not read here")]
+    Variety(String),
+    /// An element that is neither tetrahedron nor triangle, nor left aside as points and lines are.
+    #[error("element {element} is a {name}: only tetrahedra of four nodes and triangles of three are taken")]
+    Element {
+        /// Its index.
+        element: usize,
+        /// Its type, and the format's number for it.
+        name: String,
+    },
+    /// No tetrahedron and no triangle.
+    #[error("has neither tetrahedra nor triangles")]
+    Empty,
+    /// Two nodes with one number.
+    #[error("two nodes have the number {0}")]
+    RepeatedNumber(u64),
+    /// An element names a node that is not there.
+    #[error("element {element} names node {node}, which is not there")]
+    UnknownNode {
+        /// Its index.
+        element: usize,
+        /// By index or by number, as the format has it.
+        node: u64,
+    },
+    /// A position that is not finite, after scaling.
+    #[error("node {node} lies at {position:?}, which is not finite")]
+    NotFinite {
+        /// Its index.
+        node: usize,
+        /// m.
+        position: [f64; 3],
+    },
+    /// Two nodes at one place.
+    #[error("nodes {first} and {second} lie at the same place, {position:?} m")]
+    Coincident {
+        /// The one that comes first.
+        first: usize,
+        /// The other.
+        second: usize,
+        /// Of the second, m.
+        position: [f64; 3],
+    },
+    /// A tetrahedron without volume, or a triangle without area.
+    #[error("{kind} {element} with nodes {nodes:?} is flat")]
+    Flat {
+        /// Tetrahedron or triangle.
+        kind: &'static str,
+        /// Its index among those.
+        element: usize,
+        /// Its nodes.
+        nodes: Vec<u32>,
+    },
+    /// Some tetrahedra are inside out.
+    #[error(
+        "{inverted} of {total} tetrahedra are inverted, the first of them tetrahedron {first} with nodes {nodes:?}"
+    )]
+    Inverted {
+        /// How many.
+        inverted: usize,
+        /// Of how many.
+        total: usize,
+        /// Index of the first.
+        first: usize,
+        /// Its nodes.
+        nodes: [u32; 4],
+    },
+    /// Two tetrahedra on the same side of a face.
+    #[error("tetrahedra {first} and {second} lie on the same side of the face with nodes {nodes:?}")]
+    Overlap {
+        /// Index of a tetrahedron.
+        first: usize,
+        /// Index of another.
+        second: usize,
+        /// The face's nodes.
+        nodes: [u32; 3],
+    },
+    /// More than one body.
+    #[error("is {} separate pieces, of {} nodes", sizes.len(), list(sizes))]
+    Pieces {
+        /// Their numbers of nodes, the largest first.
+        sizes: Vec<usize>,
+    },
+    /// The triangles do not form a surface.
+    #[error(transparent)]
+    Surface(#[from] SurfaceError),
+    /// The surface has a border.
+    #[error("the surface is open: only one triangle meets the edge from node {from} to node {to}")]
+    Open {
+        /// A node on the border.
+        from: u32,
+        /// The next.
+        to: u32,
+    },
+    /// Two parts of the surface touch at one node.
+    #[error("two parts of the surface touch only at node {0}")]
+    Pinched(u32),
+    /// The surface encloses nothing.
+    #[error("the surface encloses no volume")]
+    NoInside,
+    /// An inner copy of the surface folds over.
+    #[error("{depth_m} m below the surface, triangle {triangle} with nodes {nodes:?} folds over")]
+    Folds {
+        /// Depth of the layer, m.
+        depth_m: f64,
+        /// Index of the triangle.
+        triangle: usize,
+        /// Its nodes on the surface.
+        nodes: [u32; 3],
+    },
+}
+
+/// The first few of a list of numbers.
+fn list(numbers: &[usize]) -> String {
+    const SHOWN: usize = 8;
+    let mut text: Vec<String> = numbers.iter().take(SHOWN).map(ToString::to_string).collect();
+    if numbers.len() > SHOWN {
+        text.push("…".to_owned());
+    }
+    text.join(", ")
+}
+
+impl MeshProblem {
+    /// The way out.
+    pub fn advice(&self) -> &'static str {
+        match self {
+            MeshProblem::Unreadable(_) => "`path` is relative to the scene file",
+            MeshProblem::Extension => {
+                "give a Gmsh file (.msh, version 2.2 or 4.1) or a VTK one (.vtk legacy, .vtu); meshio converts others"
+            }
+            MeshProblem::TooLarge { .. } => "give a coarser mesh",
+            MeshProblem::Expected { .. }
+            | MeshProblem::Ended(_)
+            | MeshProblem::Missing(_)
+            | MeshProblem::RepeatedNumber(_)
+            | MeshProblem::UnknownNode { .. } => "the file is damaged or incomplete: write it again",
+            MeshProblem::Variety(_) => {
+                "save as MSH 2.2 or 4.1 (`Mesh.MshFileVersion = 4.1` in Gmsh), as legacy VTK, or as .vtu of one piece, \
+                 uncompressed or with zlib"
+            }
+            MeshProblem::Element { .. } => {
+                "make linear simplices: in Gmsh `Mesh.ElementOrder = 1`, no recombination and \
+                 `Mesh.SubdivisionAlgorithm = 0`; in ParaView the filters Tetrahedralize or Triangulate"
+            }
+            MeshProblem::Empty => {
+                "mesh a volume, or a closed surface; in Gmsh, elements outside physical groups are left out when there \
+                 are any (`Mesh.SaveAll = 1`)"
+            }
+            MeshProblem::NotFinite { .. } => "every coordinate has to be a number, also times `scale`",
+            MeshProblem::Coincident { .. } => {
+                "merge them: `Coherence Mesh;` in Gmsh, Clean to Grid in ParaView; or parts would touch without holding"
+            }
+            MeshProblem::Flat { .. } => "mesh again with optimisation (`Mesh.Optimize = 1` in Gmsh), or collapse it",
+            MeshProblem::Inverted { .. } => {
+                "give all the same orientation (if every one is inverted, all are turned round); one that a deformation \
+                 has pushed through itself needs a new mesh"
+            }
+            MeshProblem::Overlap { .. } => "remove the repeated or overlapping tetrahedra",
+            MeshProblem::Pieces { .. } => "give one connected body, or join the pieces where they touch",
+            MeshProblem::Surface(_) => {
+                "orient the triangles in one way and let two meet at every edge, as MeshLab's repair filters do"
+            }
+            MeshProblem::Open { .. } => "close the holes: a body needs an inside",
+            MeshProblem::Pinched(_) => "separate the parts, or join them by more than a node",
+            MeshProblem::NoInside => "give a surface around a body",
+            MeshProblem::Folds { .. } => {
+                "give a smaller `mesh.layer_depth` or fewer `mesh.layers`, or a smoother surface"
+            }
+        }
+    }
+}

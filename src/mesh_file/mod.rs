@@ -1,0 +1,204 @@
+//! Meshes from files: Gmsh's MSH and VTK's formats, read into cells, checked, and made into a [`Mesh`]: a solid of
+//! tetrahedra, or a shell below a closed surface.
+
+mod error;
+mod legacy;
+mod msh;
+mod numbers;
+mod shell;
+mod solid;
+mod surface;
+mod vtk;
+mod vtu;
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+pub use error::{MeshFileError, MeshProblem};
+pub use shell::Layers;
+
+use self::error::Flaw;
+use crate::Vec3;
+use crate::model::mesh::Mesh;
+
+/// What reading and checking takes per byte of a file, at most: text of 10 bytes names a tetrahedron, of which there are
+/// then cell, edges and faces, twice while they are sorted.
+const BYTES_PER_BYTE: u64 = 32;
+
+/// Nodes nearer than this in every coordinate, over the diagonal of the bounding box, are at the same place. Coordinates
+/// of 32 bits differ by 6e-8 of their size or not at all.
+const SAME_PLACE: f64 = 1e-9;
+
+/// What a file holds that is used.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Cells {
+    /// Positions as written, in the file's unit.
+    pub nodes: Vec<Vec3>,
+    /// Nodes of each tetrahedron.
+    pub tetrahedra: Vec<[u32; 4]>,
+    /// Nodes of each triangle.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// A mesh from a file, checked.
+#[derive(Debug, Clone)]
+pub struct FileMesh {
+    /// The mesh: nodes that elements use, in the order of the file; of a shell, layer after layer.
+    pub mesh: Mesh,
+    /// Volume that each node stands for, m³: a quarter of every tetrahedron around it, or its share of a shell.
+    pub node_volumes: Vec<f64>,
+    /// Nodes of a shell's innermost layer; none of a solid.
+    pub innermost: Range<usize>,
+    /// Nodes of the file that no element uses, and which were left out.
+    pub unused_nodes: usize,
+}
+
+impl FileMesh {
+    /// Greatest extent along an axis, m.
+    pub fn extent(&self) -> f64 {
+        surface::bounding_box(self.mesh.nodes.iter().copied()).1.amax()
+    }
+
+    /// Nodes whose height is the lowest, to a millionth of the bounding box's diagonal: what programs leave of a plane
+    /// in 32-bit coordinates.
+    pub fn bottom(&self) -> impl Iterator<Item = bool> {
+        const FLAT: f64 = 1e-6;
+        let (lowest, extents) = surface::bounding_box(self.mesh.nodes.iter().copied());
+        let height = lowest.z + FLAT * extents.norm();
+        self.mesh.nodes.iter().map(move |node| node.z <= height)
+    }
+}
+
+/// What has been read of a file.
+#[derive(Debug, Clone)]
+pub struct MeshFile {
+    path: PathBuf,
+    cells: Cells,
+}
+
+impl MeshFile {
+    /// Reads a file. `budget` is the memory that this may take, in bytes.
+    ///
+    /// # Errors
+    /// If it cannot be read, is of none of the formats, damaged, or holds elements that are not taken, or none.
+    pub fn read(path: &Path, budget: u64) -> Result<Self, MeshFileError> {
+        let fail = |problem: MeshProblem| MeshFileError::new(path.to_owned(), problem.into());
+        let size = std::fs::metadata(path).map_err(|error| fail(MeshProblem::Unreadable(error)))?.len();
+        if !(size <= budget / BYTES_PER_BYTE) {
+            let needed_mib = size.saturating_mul(BYTES_PER_BYTE) >> 20;
+            return Err(fail(MeshProblem::TooLarge { needed_mib, budget_mib: budget >> 20 }));
+        }
+        let bytes = std::fs::read(path).map_err(|error| fail(MeshProblem::Unreadable(error)))?;
+        Self::parse(&bytes, path, budget)
+    }
+
+    /// The same with what the file holds; `path` names it in errors and says its format.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn parse(bytes: &[u8], path: &Path, budget: u64) -> Result<Self, MeshFileError> {
+        let fail = |flaw: Flaw| MeshFileError::new(path.to_owned(), flaw);
+        let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
+        let cells = match extension.to_str() {
+            Some("msh") => msh::read(bytes),
+            Some("vtk") => legacy::read(bytes),
+            Some("vtu") => vtu::read(bytes, usize::try_from(budget / BYTES_PER_BYTE).unwrap_or(usize::MAX)),
+            _ => Err(MeshProblem::Extension.into()),
+        };
+        let cells = cells.map_err(fail)?;
+        if cells.tetrahedra.is_empty() && cells.triangles.is_empty() {
+            return Err(fail(MeshProblem::Empty.into()));
+        }
+        Ok(Self { path: path.to_owned(), cells })
+    }
+
+    /// What it holds.
+    pub fn cells(&self) -> &Cells {
+        &self.cells
+    }
+
+    /// Whether it has only triangles.
+    pub fn is_surface(&self) -> bool {
+        self.cells.tetrahedra.is_empty()
+    }
+
+    /// A mesh of its tetrahedra, with coordinates times `scale`. Its triangles are ignored.
+    ///
+    /// # Errors
+    /// If they are no body: see [`MeshProblem`].
+    pub fn solid(self, scale: f64) -> Result<FileMesh, MeshFileError> {
+        let made = self.cells.scaled(scale).and_then(|cells| {
+            cells.one_body(&cells.tetrahedra)?;
+            solid::mesh(cells)
+        });
+        made.map_err(|problem| MeshFileError::new(self.path, problem.into()))
+    }
+
+    /// A mesh of its triangles, with coordinates times `scale`, and of layers below them.
+    ///
+    /// # Errors
+    /// If they are no closed surface, or a layer folds over.
+    pub fn shell(self, scale: f64, layers: Layers) -> Result<FileMesh, MeshFileError> {
+        let made = self.cells.scaled(scale).and_then(|cells| {
+            cells.one_body(&cells.triangles)?;
+            shell::mesh(cells, &layers)
+        });
+        made.map_err(|problem| MeshFileError::new(self.path, problem.into()))
+    }
+}
+
+/// More than `budget` bytes, after decompression.
+fn too_large(budget: usize) -> MeshProblem {
+    let budget_mib = (budget as u64).saturating_mul(BYTES_PER_BYTE) >> 20;
+    MeshProblem::TooLarge { needed_mib: budget_mib + 1, budget_mib }
+}
+
+impl Cells {
+    fn scaled(mut self, scale: f64) -> Result<Self, MeshProblem> {
+        self.nodes.iter_mut().for_each(|node| *node *= scale);
+        match self.nodes.iter().enumerate().find(|(_, x)| !x.iter().all(|x| x.is_finite())) {
+            Some((node, position)) => Err(MeshProblem::NotFinite { node, position: (*position).into() }),
+            None => Ok(self),
+        }
+    }
+
+    /// That every element's nodes exist, no two that are used share a place, and elements hang together.
+    fn one_body<const N: usize>(&self, elements: &[[u32; N]]) -> Result<(), MeshProblem> {
+        let mut is_used = vec![false; self.nodes.len()];
+        for (element, &nodes) in elements.iter().enumerate() {
+            for node in nodes {
+                let unknown = MeshProblem::UnknownNode { element, node: u64::from(node) };
+                *is_used.get_mut(node as usize).ok_or(unknown)? = true;
+            }
+        }
+        surface::distinct(&self.nodes, &is_used)?;
+        surface::connected(&is_used, elements)
+    }
+
+    /// The same without the nodes that no element uses, and how many these were. Elements have been checked.
+    fn without_unused(mut self) -> (Self, usize) {
+        let mut new_index = vec![u32::MAX; self.nodes.len()];
+        for &node in self.tetrahedra.as_flattened().iter().chain(self.triangles.as_flattened()) {
+            new_index[node as usize] = 0;
+        }
+        let mut used = 0;
+        for index in new_index.iter_mut().filter(|index| **index == 0) {
+            *index = used;
+            used += 1;
+        }
+        let unused = self.nodes.len() - used as usize;
+        let mut index = new_index.iter();
+        self.nodes.retain(|_| index.next().is_some_and(|&index| index != u32::MAX));
+        self.tetrahedra.as_flattened_mut().iter_mut().for_each(|node| *node = new_index[*node as usize]);
+        self.triangles.as_flattened_mut().iter_mut().for_each(|node| *node = new_index[*node as usize]);
+        (self, unused)
+    }
+}
+
+/// Every pair once, ascending.
+fn unique_edges(pairs: impl Iterator<Item = [u32; 2]>) -> Vec<[u32; 2]> {
+    let mut edges: Vec<[u32; 2]> = pairs.map(|[i, j]| [i.min(j), i.max(j)]).collect();
+    edges.sort_unstable();
+    edges.dedup();
+    edges
+}

@@ -1,0 +1,214 @@
+//! Words and numbers of a file, one after the other. Counts that a file gives are never trusted: nothing is
+//! allocated for what has not been read.
+
+use super::error::{Flaw, MeshProblem, Place};
+
+/// How numbers are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Encoding {
+    /// In words, between white space.
+    Text,
+    /// In bytes, the lowest first.
+    Little,
+    /// In bytes, the highest first.
+    Big,
+}
+
+/// A type of number, in bytes. As text all are alike.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Number {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    I64,
+    U64,
+    F32,
+    F64,
+}
+
+impl Number {
+    /// Bytes.
+    pub fn size(self) -> usize {
+        match self {
+            Number::I8 | Number::U8 => 1,
+            Number::I16 | Number::U16 => 2,
+            Number::I32 | Number::U32 | Number::F32 => 4,
+            Number::I64 | Number::U64 | Number::F64 => 8,
+        }
+    }
+
+    fn real(self, bits: u64) -> f64 {
+        match self {
+            Number::I8 => f64::from(bits as i8),
+            Number::I16 => f64::from(bits as i16),
+            Number::I32 => f64::from(bits as i32),
+            Number::I64 => bits as i64 as f64,
+            Number::U8 | Number::U16 | Number::U32 | Number::U64 => bits as f64,
+            Number::F32 => f64::from(f32::from_bits(bits as u32)),
+            Number::F64 => f64::from_bits(bits),
+        }
+    }
+
+    /// `None` for what cannot count.
+    fn index(self, bits: u64) -> Option<u64> {
+        match self {
+            Number::I8 => u64::try_from(bits as i8).ok(),
+            Number::I16 => u64::try_from(bits as i16).ok(),
+            Number::I32 => u64::try_from(bits as i32).ok(),
+            Number::I64 => u64::try_from(bits as i64).ok(),
+            Number::U8 | Number::U16 | Number::U32 | Number::U64 => Some(bits),
+            Number::F32 | Number::F64 => None,
+        }
+    }
+}
+
+/// A place in a file that moves on with every read.
+#[derive(Debug, Clone)]
+pub struct Cursor<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    /// Of the numbers from here on.
+    pub encoding: Encoding,
+}
+
+impl<'a> Cursor<'a> {
+    pub fn new(bytes: &'a [u8], encoding: Encoding) -> Self {
+        Self { bytes, at: 0, encoding }
+    }
+
+    /// A problem at this place: with its line in text, with its byte among bytes.
+    pub fn flaw(&self, problem: MeshProblem) -> Flaw {
+        let place = match self.encoding {
+            Encoding::Text => Place::Line(1 + self.bytes[..self.at].iter().filter(|&&byte| byte == b'\n').count()),
+            Encoding::Little | Encoding::Big => Place::Byte(self.at),
+        };
+        Flaw { place, problem }
+    }
+
+    pub fn expected(&self, what: &'static str, found: &[u8]) -> Flaw {
+        const SHOWN: usize = 40;
+        let found = String::from_utf8_lossy(&found[..found.len().min(SHOWN)]).into_owned();
+        self.flaw(MeshProblem::Expected { what, found })
+    }
+
+    /// Bytes read so far.
+    pub fn position(&self) -> usize {
+        self.at
+    }
+
+    /// Whether nothing is left but white space in text.
+    pub fn is_at_end(&self) -> bool {
+        let rest = &self.bytes[self.at..];
+        match self.encoding {
+            Encoding::Text => rest.iter().all(u8::is_ascii_whitespace),
+            Encoding::Little | Encoding::Big => rest.is_empty(),
+        }
+    }
+
+    /// The rest of this line, without white space around it; `None` at the end of the file.
+    pub fn line(&mut self) -> Option<&'a [u8]> {
+        let rest = &self.bytes[self.at..];
+        if rest.is_empty() {
+            return None;
+        }
+        let length = rest.iter().position(|&byte| byte == b'\n');
+        self.at += length.map_or(rest.len(), |length| length + 1);
+        Some(rest[..length.unwrap_or(rest.len())].trim_ascii())
+    }
+
+    /// The next line that has something on it.
+    pub fn full_line(&mut self) -> Option<&'a [u8]> {
+        loop {
+            match self.line() {
+                Some([]) => {}
+                other => return other,
+            }
+        }
+    }
+
+    /// The next word, also among bytes; `None` at the end of the file.
+    pub fn next_word(&mut self) -> Option<&'a [u8]> {
+        let rest = &self.bytes[self.at..];
+        let start = rest.iter().position(|byte| !byte.is_ascii_whitespace()).unwrap_or(rest.len());
+        let word = &rest[start..];
+        let word = &word[..word.iter().position(u8::is_ascii_whitespace).unwrap_or(word.len())];
+        self.at += start + word.len();
+        (!word.is_empty()).then_some(word)
+    }
+
+    /// The next word as a number or a name.
+    pub fn word<T: std::str::FromStr>(&mut self, what: &'static str) -> Result<T, Flaw> {
+        let word = self.next_word().ok_or_else(|| self.flaw(MeshProblem::Ended(what)))?;
+        let value = std::str::from_utf8(word).ok().and_then(|word| word.parse().ok());
+        value.ok_or_else(|| self.expected(what, word))
+    }
+
+    /// So many bytes.
+    pub fn take(&mut self, count: usize, what: &'static str) -> Result<&'a [u8], Flaw> {
+        let taken = self.bytes[self.at..].get(..count).ok_or_else(|| self.flaw(MeshProblem::Ended(what)))?;
+        self.at += count;
+        Ok(taken)
+    }
+
+    /// Behind the next occurrence of a mark.
+    pub fn skip_past(&mut self, mark: &[u8], what: &'static str) -> Result<(), Flaw> {
+        let found = self.bytes[self.at..].windows(mark.len()).position(|window| window == mark);
+        self.at += found.ok_or_else(|| self.flaw(MeshProblem::Ended(what)))? + mark.len();
+        Ok(())
+    }
+
+    fn bits(&mut self, number: Number, what: &'static str) -> Result<u64, Flaw> {
+        let taken = self.take(number.size(), what)?;
+        let mut bytes = [0; 8];
+        bytes[..taken.len()].copy_from_slice(taken);
+        if self.encoding == Encoding::Big {
+            bytes[..taken.len()].reverse();
+        }
+        Ok(u64::from_le_bytes(bytes))
+    }
+
+    /// The next number as a coordinate.
+    pub fn real(&mut self, number: Number, what: &'static str) -> Result<f64, Flaw> {
+        match self.encoding {
+            Encoding::Text => self.word(what),
+            Encoding::Little | Encoding::Big => Ok(number.real(self.bits(number, what)?)),
+        }
+    }
+
+    /// The next number as a count or an index.
+    pub fn index(&mut self, number: Number, what: &'static str) -> Result<u64, Flaw> {
+        match self.encoding {
+            Encoding::Text => self.word(what),
+            Encoding::Little | Encoding::Big => {
+                let bits = self.bits(number, what)?;
+                number
+                    .index(bits)
+                    .ok_or_else(|| self.flaw(MeshProblem::Expected { what, found: number.real(bits).to_string() }))
+            }
+        }
+    }
+
+    /// As [`index`](Self::index), so many of them.
+    pub fn indices(&mut self, number: Number, count: u64, what: &'static str) -> Result<Vec<u64>, Flaw> {
+        (0..count).map(|_| self.index(number, what)).collect()
+    }
+
+    /// Past so many numbers.
+    pub fn skip(&mut self, number: Number, count: u64, what: &'static str) -> Result<(), Flaw> {
+        match self.encoding {
+            Encoding::Text => {
+                for _ in 0..count {
+                    self.next_word().ok_or_else(|| self.flaw(MeshProblem::Ended(what)))?;
+                }
+            }
+            Encoding::Little | Encoding::Big => {
+                let bytes = usize::try_from(count).ok().and_then(|count| count.checked_mul(number.size()));
+                self.take(bytes.unwrap_or(usize::MAX), what)?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,103 @@
+//! A body of tetrahedra: orientation, faces, and what becomes of edges and faces.
+
+use super::error::MeshProblem;
+use super::{Cells, FileMesh, surface, unique_edges};
+use crate::Vec3;
+use crate::model::mesh::Mesh;
+
+/// Six volumes over the cube of the longest edge, below which a tetrahedron is flat: rounding of 64-bit coordinates
+/// cannot make it so small, and of 32-bit ones makes it no smaller than 1e-7 by chance.
+const FLAT: f64 = 1e-9;
+
+/// A tetrahedron's faces, anticlockwise from outside if it is positively oriented.
+const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+/// Its edges.
+const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
+
+/// Edges become springs, faces of one tetrahedron the surface. Triangles that the file has are ignored.
+pub fn mesh(mut cells: Cells) -> Result<FileMesh, MeshProblem> {
+    cells.triangles.clear();
+    orient(&cells.nodes, &mut cells.tetrahedra)?;
+    cells.triangles = boundary(&cells.tetrahedra)?;
+    surface::check(&cells.nodes, &cells.triangles)?;
+    let (Cells { nodes, tetrahedra, triangles }, unused_nodes) = cells.without_unused();
+    let edges = unique_edges(tetrahedra.iter().flat_map(|t| EDGES.map(|edge| edge.map(|corner| t[corner]))));
+    let mut node_volumes = vec![0.0; nodes.len()];
+    for corners in &tetrahedra {
+        let quarter = six_volumes(&nodes, corners) / 24.0;
+        corners.iter().for_each(|&node| node_volumes[node as usize] += quarter);
+    }
+    Ok(FileMesh { mesh: Mesh { nodes, edges, triangles, tetrahedra }, node_volumes, innermost: 0..0, unused_nodes })
+}
+
+/// Positive if the fourth corner lies where the first three turn anticlockwise away from it.
+fn six_volumes(nodes: &[Vec3], corners: &[u32; 4]) -> f64 {
+    let [a, b, c, d] = corners.map(|node| nodes[node as usize]);
+    (b - a).cross(&(c - a)).dot(&(d - a))
+}
+
+/// Turns all tetrahedra round if every one is inverted: some programs count corners the other way.
+fn orient(nodes: &[Vec3], tetrahedra: &mut [[u32; 4]]) -> Result<(), MeshProblem> {
+    let (mut inverted, mut first) = (0, None);
+    for (element, corners) in tetrahedra.iter().enumerate() {
+        let longest = EDGES
+            .map(|[i, j]| (nodes[corners[i] as usize] - nodes[corners[j] as usize]).norm())
+            .into_iter()
+            .fold(0.0, f64::max);
+        let volumes = six_volumes(nodes, corners);
+        if !(volumes.abs() > FLAT * longest.powi(3)) {
+            return Err(MeshProblem::Flat { kind: "tetrahedron", element, nodes: corners.to_vec() });
+        }
+        if volumes < 0.0 {
+            inverted += 1;
+            first.get_or_insert((element, *corners));
+        }
+    }
+    match first {
+        Some((first, nodes)) if inverted < tetrahedra.len() => {
+            return Err(MeshProblem::Inverted { inverted, total: tetrahedra.len(), first, nodes });
+        }
+        Some(_) => tetrahedra.iter_mut().for_each(|corners| corners.swap(2, 3)),
+        None => {}
+    }
+    Ok(())
+}
+
+/// Faces of only one tetrahedron, in their order. Two that share a face lie on either side of it.
+fn boundary(tetrahedra: &[[u32; 4]]) -> Result<Vec<[u32; 3]>, MeshProblem> {
+    // The face's nodes ascending, whether they turn the other way in that order, and its place in `tetrahedra`.
+    let mut faces: Vec<([u32; 3], bool, usize)> = Vec::with_capacity(4 * tetrahedra.len());
+    for (element, corners) in tetrahedra.iter().enumerate() {
+        for (side, face) in FACES.iter().enumerate() {
+            let nodes = face.map(|corner| corners[corner]);
+            let (sorted, turned) = ascending(nodes);
+            faces.push((sorted, turned, 4 * element + side));
+        }
+    }
+    faces.sort_unstable();
+    let mut outer = Vec::new();
+    for group in faces.chunk_by(|a, b| a.0 == b.0) {
+        match group {
+            [(_, _, place)] => outer.push(*place),
+            [(_, false, _), (_, true, _)] => {}
+            _ => {
+                let same = group.windows(2).find(|pair| pair[0].1 == pair[1].1).unwrap_or(group);
+                return Err(MeshProblem::Overlap { first: same[0].2 / 4, second: same[1].2 / 4, nodes: same[0].0 });
+            }
+        }
+    }
+    outer.sort_unstable();
+    Ok(outer.iter().map(|place| FACES[place % 4].map(|corner| tetrahedra[place / 4][corner])).collect())
+}
+
+/// A triangle's nodes ascending, and whether that takes an odd number of exchanges.
+fn ascending(mut nodes: [u32; 3]) -> ([u32; 3], bool) {
+    let mut turned = false;
+    for [i, j] in [[0, 1], [1, 2], [0, 1]] {
+        if nodes[i] > nodes[j] {
+            nodes.swap(i, j);
+            turned = !turned;
+        }
+    }
+    (nodes, turned)
+}

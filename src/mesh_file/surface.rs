@@ -1,0 +1,122 @@
+//! What holds for every body: its nodes are apart, it is in one piece, and its surface has an inside.
+
+use std::collections::HashMap;
+
+use super::SAME_PLACE;
+use super::error::MeshProblem;
+use crate::Vec3;
+use crate::model::mesh::Mesh;
+use crate::model::surface::Surface;
+
+/// Twice the area over the square of the longest edge, below which a triangle is flat; as for tetrahedra.
+const FLAT: f64 = 1e-9;
+/// Enclosed volume over the cube of the diagonal, below which there is no inside: rounding leaves 1e-16.
+const NO_VOLUME: f64 = 1e-12;
+
+/// No two of the nodes that are used lie at the same place.
+pub fn distinct(nodes: &[Vec3], is_used: &[bool]) -> Result<(), MeshProblem> {
+    let used = || nodes.iter().enumerate().zip(is_used).filter(|&(_, &is_used)| is_used).map(|(node, _)| node);
+    let (lowest, extents) = bounding_box(used().map(|(_, x)| *x));
+    let tolerance = SAME_PLACE * extents.norm();
+    // Cells of a grid, each with its first node: nodes in one cell, or at most a tolerance apart in two that touch.
+    let mut grid: HashMap<[i64; 3], usize> = HashMap::new();
+    for (node, x) in used() {
+        let cell: [i64; 3] = std::array::from_fn(|axis| ((x[axis] - lowest[axis]) / tolerance) as i64);
+        let mut near = (0..27).filter_map(|i| {
+            let cell = [cell[0] + i % 3 - 1, cell[1] + i / 3 % 3 - 1, cell[2] + i / 9 - 1];
+            let &first = grid.get(&cell)?;
+            ((nodes[first] - x).amax() <= tolerance).then_some(first)
+        });
+        if let Some(first) = near.next() {
+            return Err(MeshProblem::Coincident { first, second: node, position: (*x).into() });
+        }
+        grid.insert(cell, node);
+    }
+    Ok(())
+}
+
+/// The lowest corner and the extents.
+pub fn bounding_box(points: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
+    let empty = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
+    let (lowest, highest) = points.fold(empty, |(low, high), x| (low.inf(&x), high.sup(&x)));
+    (lowest, highest - lowest)
+}
+
+/// All nodes that are used hang together by elements.
+pub fn connected<const N: usize>(is_used: &[bool], elements: &[[u32; N]]) -> Result<(), MeshProblem> {
+    // Every node points to one of its piece, in the end all to the same.
+    let mut piece: Vec<u32> = (0..is_used.len() as u32).collect();
+    fn find(piece: &mut [u32], mut node: u32) -> u32 {
+        while piece[node as usize] != node {
+            piece[node as usize] = piece[piece[node as usize] as usize];
+            node = piece[node as usize];
+        }
+        node
+    }
+    for element in elements {
+        for pair in element.windows(2) {
+            let (one, other) = (find(&mut piece, pair[0]), find(&mut piece, pair[1]));
+            piece[one.max(other) as usize] = one.min(other);
+        }
+    }
+    let mut sizes: HashMap<u32, usize> = HashMap::new();
+    for node in (0..is_used.len() as u32).filter(|&node| is_used[node as usize]) {
+        *sizes.entry(find(&mut piece, node)).or_default() += 1;
+    }
+    if sizes.len() <= 1 {
+        return Ok(());
+    }
+    let mut sizes: Vec<usize> = sizes.into_values().collect();
+    sizes.sort_unstable_by(|a, b| b.cmp(a));
+    Err(MeshProblem::Pieces { sizes })
+}
+
+/// Triangles are not flat, form a closed oriented manifold, and enclose a volume. Gives that volume, negative if they
+/// face inwards.
+pub fn check(nodes: &[Vec3], triangles: &[[u32; 3]]) -> Result<f64, MeshProblem> {
+    for (element, corners) in triangles.iter().enumerate() {
+        let [a, b, c] = corners.map(|node| nodes[node as usize]);
+        let longest = (b - a).norm().max((c - b).norm()).max((a - c).norm());
+        if !((b - a).cross(&(c - a)).norm() > FLAT * longest * longest) {
+            return Err(MeshProblem::Flat { kind: "triangle", element, nodes: corners.to_vec() });
+        }
+    }
+    let mesh = Mesh { triangles: triangles.to_vec(), ..Mesh::default() };
+    let surface = Surface::new(&mesh)?;
+    for (triangle, neighbors) in surface.neighbors.iter().enumerate() {
+        if let Some(opposite) = neighbors.iter().position(Option::is_none) {
+            let corners = triangles[triangle];
+            return Err(MeshProblem::Open { from: corners[(opposite + 1) % 3], to: corners[(opposite + 2) % 3] });
+        }
+    }
+    for (vertex, &node) in surface.vertex_node.iter().enumerate() {
+        if around(&surface, vertex as u32) != surface.incident(vertex as u32).len() {
+            return Err(MeshProblem::Pinched(node));
+        }
+    }
+    let used = || triangles.as_flattened().iter().map(|&node| nodes[node as usize]);
+    let (lowest, extents) = bounding_box(used());
+    let volume: f64 = (triangles.iter())
+        .map(|corners| corners.map(|node| nodes[node as usize] - lowest))
+        .map(|[a, b, c]| a.dot(&b.cross(&c)) / 6.0)
+        .sum();
+    if !(volume.abs() > NO_VOLUME * extents.norm().powi(3)) {
+        return Err(MeshProblem::NoInside);
+    }
+    Ok(volume)
+}
+
+/// Triangles that are met on a walk from edge to edge around a vertex of a closed surface.
+fn around(surface: &Surface, vertex: u32) -> usize {
+    let incident = surface.incident(vertex);
+    let Some(&start) = incident.first() else { return 0 };
+    let mut at = start;
+    for count in 1..=incident.len() {
+        let Some(corner) = surface.triangles[at as usize].iter().position(|&other| other == vertex) else { return 0 };
+        match surface.neighbors[at as usize][(corner + 1) % 3] {
+            Some(next) if next != start => at = next,
+            _ => return count,
+        }
+    }
+    0
+}

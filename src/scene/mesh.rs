@@ -1,0 +1,63 @@
+//! Where a scene's mesh comes from.
+
+use std::sync::Arc;
+
+use crate::mesh_file::FileMesh;
+use crate::model::material::Bulk;
+use crate::model::mesh::{Block, Mesh};
+
+/// A block that is generated, or a mesh that has been read.
+#[derive(Debug, Clone)]
+pub enum MeshSource {
+    /// Generated.
+    Block(Block),
+    /// Read from a file.
+    File(Arc<FileMesh>),
+}
+
+impl MeshSource {
+    /// The mesh itself.
+    pub fn mesh(&self) -> Mesh {
+        match self {
+            MeshSource::Block(block) => block.mesh(),
+            MeshSource::File(file) => file.mesh.clone(),
+        }
+    }
+
+    /// Its number of nodes.
+    pub fn node_count(&self) -> usize {
+        match self {
+            MeshSource::Block(block) => block.nodes.iter().product(),
+            MeshSource::File(file) => file.mesh.nodes.len(),
+        }
+    }
+
+    /// Distance between neighbours, m: a block's spacing, or the mean length of a file's edges.
+    pub fn spacing(&self) -> f64 {
+        match self {
+            MeshSource::Block(block) => block.spacing,
+            MeshSource::File(file) => {
+                let Mesh { nodes, edges, .. } = &file.mesh;
+                let length = |&[i, j]: &[u32; 2]| (nodes[j as usize] - nodes[i as usize]).norm();
+                edges.iter().map(length).sum::<f64>() / edges.len() as f64
+            }
+        }
+    }
+
+    /// What fills it.
+    pub fn bulk(&self) -> Bulk<'_> {
+        match self {
+            MeshSource::Block(block) => Bulk::Lattice(block),
+            MeshSource::File(file) if file.mesh.tetrahedra.is_empty() => Bulk::Shell,
+            MeshSource::File(file) => Bulk::Tetrahedra(&file.mesh),
+        }
+    }
+
+    /// Volume that each node stands for, m³.
+    pub fn node_volumes(&self) -> Vec<f64> {
+        match self {
+            MeshSource::Block(block) => block.node_volumes(),
+            MeshSource::File(file) => file.node_volumes.clone(),
+        }
+    }
+}
