@@ -10,7 +10,7 @@ use crate::model::springs::TangentKind;
 /// The largest force that may be left on a free node, as a share of the largest weight of one.
 pub const RESIDUAL: f64 = 1e-12;
 /// And as a share of the largest k L of a spring: what rounding of positions leaves.
-const ROUND_OFF: f64 = 1e-14;
+pub const ROUND_OFF: f64 = 1e-14;
 /// Far more than a network needs that hangs or stands; one that buckles takes dozens.
 const ITERATIONS: u32 = 200;
 /// A step is halved until the energy falls by this share of what the slope promises (Armijo), at most so often.

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from setups import lumps, scene
-from stickslip_reference import cycle, stability
+from stickslip_reference import cycle, equilibrium, stability
 from stickslip_reference import network as net
 
 # Relative to the largest entry; both derivatives are exact to round-off. Measured: 2.6e-16.
@@ -179,3 +179,37 @@ def test_step_matrix_is_the_step(within):
         after = np.concatenate([(state.x - network.nodes)[free], state.v[free]], axis=None)
         linear = stability.one_step_matrix(K, D, inverse_mass, h, integrator) @ small
         within("one-step matrix against a step", np.abs(after - linear).max() / np.abs(linear).max(), LINEAR_TOLERANCE)
+
+
+# Sums of some hundred products, relative. Measured: 1e-16.
+ELASTIC_TOLERANCE = 1e-13
+# Of forces that balance to 1e-12 of a weight. Measured: 3e-13.
+SAG_TOLERANCE = 1e-11
+
+
+@pytest.mark.parametrize("stencil", ["shear", "full"])
+def test_springs_of_a_material_store_the_energy_of_the_solid(within, stencil):
+    E, rng = 5e3, np.random.default_rng(5)
+    material = {"stiffness": None, "young_modulus": E}
+    network = net.block(scene(mesh={"nodes": [3, 4, 5], "stencil": stencil}, material=material))
+    gradient = rng.normal(size=(3, 3))
+    d = (network.nodes @ gradient.T)[network.ends]
+    along = network.nodes[network.ends[:, 1]] - network.nodes[network.ends[:, 0]]
+    stretch = ((d[:, 1] - d[:, 0]) * along).sum(axis=1) / network.rest_length
+    strain = (gradient + gradient.T) / 2.0
+    volume = np.ptp(network.nodes, axis=0).prod()
+    solid = 0.4 * E * volume * (np.trace(strain) ** 2 / 2.0 + (strain**2).sum())
+    within("Energy of a lattice against Hooke's law", abs(0.5 * (network.stiffness * stretch**2).sum() / solid - 1.0),
+           ELASTIC_TOLERANCE)
+
+
+def test_a_settled_column_hangs_in_equilibrium(within):
+    table = {"stiffness": None, "young_modulus": 5e4, "density": 1000.0, "node_mass": None, "damping": None,
+             "damping_ratio": 0.1, "gravity": [0.0, 0.0, -9.81]}
+    network = net.block(scene(mesh={"nodes": [2, 2, 6], "fixed": {"nodes": [20, 21, 22, 23]}}, material=table))
+    x = equilibrium.settle(network)
+    force = net.forces(network, x, np.zeros_like(x))[~network.fixed]
+    within("Force left after settling, over a weight", np.abs(force).max() / (network.mass.max() * 9.81), SAG_TOLERANCE)
+    held = -net.forces(network, x, np.zeros_like(x))[network.fixed].sum(axis=0)[2]
+    weight = 9.81 * network.mass.sum()
+    within("Force on the ground against the weight", abs(held / weight - 1.0), SAG_TOLERANCE)
