@@ -54,7 +54,14 @@ fixed = \"bottom\"";
 /// A mesh from one of the files in every format, and more keys.
 macro_rules! mesh_file {
     ($file:literal, $more:literal) => {
-        concat!("kind = \"file\"\npath = \"", env!("CARGO_MANIFEST_DIR"), "/fixtures/meshes/formats/", $file, "\"\n", $more)
+        concat!(
+            "kind = \"file\"\npath = \"",
+            env!("CARGO_MANIFEST_DIR"),
+            "/fixtures/meshes/formats/",
+            $file,
+            "\"\n",
+            $more
+        )
     };
 }
 
@@ -284,9 +291,19 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
     ("no mesh file", BLOCK, "kind = \"file\"\npath = \"scene.toml\"", &["no mesh file by its name", ".vtk legacy"]),
     ("a scale of zero", BLOCK, mesh_file!("solid-text.vtu", "scale = 0.0"), &["mesh.scale", "above 0"]),
     ("a scale of NaN", BLOCK, mesh_file!("solid-text.vtu", "scale = nan"), &["mesh.scale", "NaN"]),
-    ("layers of a solid", BLOCK, mesh_file!("solid-text.vtu", "layers = 2"), &["`mesh.layers` has no effect", "tetrahedra"]),
+    (
+        "layers of a solid",
+        BLOCK,
+        mesh_file!("solid-text.vtu", "layers = 2"),
+        &["`mesh.layers` has no effect", "tetrahedra"],
+    ),
     ("an anchored solid", BLOCK, mesh_file!("solid-text.vtu", "anchor = false"), &["`mesh.anchor` has no effect"]),
-    ("a depth in a solid", BLOCK, mesh_file!("solid-text.vtu", "layer_depth = 1.0"), &["`mesh.layer_depth` has no effect"]),
+    (
+        "a depth in a solid",
+        BLOCK,
+        mesh_file!("solid-text.vtu", "layer_depth = 1.0"),
+        &["`mesh.layer_depth` has no effect"],
+    ),
     ("a node that is not there", BLOCK, mesh_file!("solid-text.vtu", "fixed = { nodes = [60] }"), &["node 60 of 60"]),
     ("no depth", BLOCK, mesh_file!("surface-meshio.vtu", "scale = 0.001"), &["`mesh.layer_depth` is missing"]),
     ("a depth of zero", BLOCK, mesh_file!("surface-meshio.vtu", "layer_depth = 0.0"), &["mesh.layer_depth", "above 0"]),
@@ -375,7 +392,10 @@ fn a_unit_in_doubt_is_a_warning() {
     let text = String::from_utf8_lossy(&explained.stdout).into_owned();
     assert!(text.contains("Warning: the mesh is 4e1 m large") && text.contains("60 nodes"), "{text}");
     assert_eq!(stderr(&explained), "", "warned of once");
-    folder.write("scene.toml", &fs::read_to_string(&scene).expect("a scene").replace("fixed =", "scale = 0.001\nfixed ="));
+    folder.write(
+        "scene.toml",
+        &fs::read_to_string(&scene).expect("a scene").replace("fixed =", "scale = 0.001\nfixed ="),
+    );
     assert_eq!(stderr(&run(&scene, &folder.path("out"))), "");
 }
 
