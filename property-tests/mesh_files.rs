@@ -214,17 +214,25 @@ fn what_is_no_body_is_refused_by_name() {
         (
             "a word for a number",
             good.replacen("\n1 4 2", "\n1 four 2", 1),
-            ":13: expected the type of an element, found \"four\"",
+            ":14: expected the type of an element, found \"four\"",
         ),
         ("no MSH", "solid".to_owned(), "expected $MeshFormat"),
         ("nothing", String::new(), "expected $MeshFormat"),
         ("only a header", good.lines().take(3).map(|line| format!("{line}\n")).collect(), "has no nodes"),
     ];
+    let mut wrong = Vec::new();
     for (what, text, words) in cases {
-        let (message, advice) = made(text).err().unwrap_or_else(|| panic!("{what}: it is taken"));
-        assert!(message.contains(words), "{what}: {words:?} is not in {message}");
-        assert!(!advice.is_empty() && message.starts_with("x.msh"), "{what}: {message}");
+        match made(text) {
+            Ok(_) => wrong.push(format!("{what}: it is taken")),
+            Err((message, advice))
+                if !message.contains(words) || advice.is_empty() || !message.starts_with("x.msh") =>
+            {
+                wrong.push(format!("{what}: {words:?} is not in {message:?}, {advice:?}"));
+            }
+            Err(_) => {}
+        }
     }
+    assert!(wrong.is_empty(), "{wrong:#?}");
     for name in ["x.stl", "x", "x.msh.gz"] {
         let (message, advice) = made_of(good.as_bytes(), name, 1.0, Layers { count: 1, depth: 0.01 }).unwrap_err();
         assert!(message.contains("no mesh file by its name") && advice.contains(".vtu"), "{message}");
@@ -271,13 +279,37 @@ fn what_differs_in_writing_only_is_the_same_mesh() {
     assert_eq!(made(&windows).expect("a body").mesh, expected.mesh);
 }
 
-/// The sphere of the ellipsoid's mesh, scaled back.
+/// An icosahedron whose triangles are divided into four, with its corners on a sphere of 50 mm. Every corner lies on an axis
+/// of symmetry, so normals at corners are radial.
 fn ball() -> MeshFile {
-    let solid = read(&folder().join("ellipsoid-500.msh")).solid(1.0).expect("a body");
-    let position =
-        |node: usize| solid.mesh.nodes[node].component_div(&Vec3::new(0.060, 0.045, 0.030)).normalize() * 0.05;
-    let nodes: Vec<_> = (0..solid.mesh.nodes.len()).map(|i| (i as u64 + 1, position(i).into())).collect();
-    let triangles: Vec<[u64; 3]> = solid.mesh.triangles.iter().map(|t| t.map(|node| u64::from(node) + 1)).collect();
+    let golden = (1.0 + 5.0_f64.sqrt()) / 2.0;
+    let mut corners: Vec<Vec3> = Vec::new();
+    for (one, other) in [(1.0, golden), (1.0, -golden), (-1.0, golden), (-1.0, -golden)] {
+        corners.extend([Vec3::new(0.0, one, other), Vec3::new(one, other, 0.0), Vec3::new(other, 0.0, one)]);
+    }
+    let mut triangles: Vec<[u64; 3]> = Vec::new();
+    for a in 0..12 {
+        for b in 0..12 {
+            for c in 0..12 {
+                let [p, q, r] = [a, b, c].map(|i| corners[i]);
+                let is_face = [(p - q), (q - r), (r - p)].iter().all(|edge| (edge.norm() - 2.0).abs() < 1e-9);
+                // Each once, from its lowest corner on, outwards.
+                if is_face && a < b && a < c && p.dot(&q.cross(&r)) > 0.0 {
+                    let middle = |corners: &mut Vec<Vec3>, i: usize, j: usize| {
+                        let middle = (corners[i] + corners[j]) / 2.0;
+                        corners.iter().position(|x| (x - middle).norm() < 1e-9).unwrap_or_else(|| {
+                            corners.push(middle);
+                            corners.len() - 1
+                        })
+                    };
+                    let [d, e, f] = [(a, b), (b, c), (c, a)].map(|(i, j)| middle(&mut corners, i, j));
+                    let four = [[a, d, f], [d, b, e], [f, e, c], [d, e, f]];
+                    triangles.extend(four.map(|triangle| triangle.map(|node| node as u64 + 1)));
+                }
+            }
+        }
+    }
+    let nodes: Vec<_> = (1..).zip(corners.iter().map(|x| (x.normalize() * 0.05).into())).collect();
     let elements: Vec<(u32, &[u64])> = triangles.iter().map(|triangle| (2, triangle.as_slice())).collect();
     MeshFile::parse(msh(&nodes, &elements).as_bytes(), Path::new("ball.msh"), BUDGET).expect("a surface")
 }
@@ -289,25 +321,25 @@ fn layers_of_a_ball_are_balls() {
     let sizes = layers.sizes(ball().cells());
     let shell = ball().shell(1.0, layers).expect("a shell");
     let count = shell.mesh.nodes.len() / 4;
-    assert!(shell.mesh.edges.len() as u128 <= sizes.1 && shell.mesh.nodes.len() as u128 <= sizes.0);
+    assert_eq!((count, shell.mesh.triangles.len()), (42, 80));
+    assert_eq!(sizes, (shell.mesh.nodes.len() as u128, shell.mesh.edges.len() as u128));
     assert_eq!(shell.innermost, 3 * count..4 * count);
     assert!(shell.mesh.tetrahedra.is_empty() && shell.mesh.triangles.as_flattened().iter().all(|&i| i < count as u32));
-    let surface_edges = shell.mesh.triangles.len() * 3 / 2;
-    assert_eq!(shell.mesh.edges.len(), 4 * surface_edges + 3 * (count + 2 * surface_edges));
+    assert_eq!(shell.mesh.edges.len(), 4 * 120 + 3 * (count + 2 * 120));
     let mut worst = 0.0_f64;
     for (node, x) in shell.mesh.nodes.iter().enumerate() {
         worst = worst.max((x.norm() - (radius - 0.01 * (node / count) as f64)).abs());
     }
-    println!("RESIDUAL | layers of a ball of 50 mm | radius, m | 1e-3 | {worst:.1e}");
-    // Normals at the nodes of a coarse mesh are not quite radial.
-    assert!(worst <= 1e-3, "{worst:e} m");
-    let wall = 4.0 / 3.0 * std::f64::consts::PI * (radius.powi(3) - 0.02_f64.powi(3));
+    println!("RESIDUAL | layers of a ball of 50 mm | radius, m | 1e-15 | {worst:.1e}");
+    assert!(worst <= 1e-15, "{worst:e} m");
+    // What the innermost layer leaves of the outermost one. Between the corners the wall is up to a tenth thinner than at them, where its depth is given.
+    let wall = enclosed(&shell) * (1.0 - 0.4_f64.powi(3));
     let off = (shell.node_volumes.iter().sum::<f64>() - wall).abs() / wall;
-    println!("RESIDUAL | layers of a ball of 50 mm | volume of the wall, relative | 0.05 | {off:.1e}");
-    assert!(off <= 0.05, "{off:e}");
+    println!("RESIDUAL | layers of a ball of 50 mm | volume of the wall, relative | 0.1 | {off:.1e}");
+    assert!(off <= 0.1, "{off:e}");
 
-    assert!(ball().shell(1.0, Layers { count: 1, depth: 0.045 }).is_ok());
-    for depth in [0.055, 0.2, 1e300] {
+    assert!(ball().shell(1.0, Layers { count: 1, depth: 0.0499 }).is_ok());
+    for depth in [0.0501, 0.2, 1e300] {
         let error = ball().shell(1.0, Layers { count: 1, depth }).expect_err("through the centre");
         let folds = matches!(error.problem(), MeshProblem::Folds { depth_m, .. } if *depth_m == depth);
         assert!(folds && error.problem().advice().contains("layer_depth"), "{error}");
