@@ -386,7 +386,8 @@ fn bad_scenes_end_with_code_2_one_message_and_no_folder() {
             text = text.replace("stiffness = 100.0", "young_modulus = 5e3");
         }
         if *what == "settling of what floats" {
-            text = text.replace("[material]", "fixed = \"none\"\n[material]\ngravity = [0.0, 0.0, -9.81]");
+            text =
+                text.replace("\"bottom\"", "\"none\"").replace("[material]", "[material]\ngravity = [0.0, 0.0, -9.81]");
         }
         let scene = folder.write("scene.toml", &text);
         let out = folder.path("out");
