@@ -16,6 +16,7 @@ pub struct CellList {
     pub types: Vec<u64>,
 }
 
+const VERTEX: u64 = 1;
 const LINE: u64 = 3;
 const TRIANGLE: u64 = 5;
 /// Of any number of corners.
@@ -41,7 +42,7 @@ impl CellList {
                 (TETRAHEDRON, _) => cells.tetrahedra.push(cells.corners(element, corners)?),
                 (TRIANGLE, _) | (POLYGON, 3) => cells.triangles.push(cells.corners(element, corners)?),
                 // Nothing, points, lines straight and curved.
-                (0..=2 | LINE | 4 | 21 | 35 | 68, _) => {}
+                (VERTEX, 1) | (LINE, 2) | (0 | 2 | 4 | 21 | 35 | 68, _) => {}
                 _ => return Err(MeshProblem::Element { element, name: name(kind) }.into()),
             }
         }
@@ -67,6 +68,8 @@ impl Cells {
 /// By VTK's number of the type (`vtkCellType.h`).
 fn name(kind: u64) -> String {
     let name = match kind {
+        VERTEX => "vertex of several nodes",
+        LINE => "line of not two nodes",
         6 => "strip of triangles",
         POLYGON => "polygon",
         8 | 9 => "quadrangle",
