@@ -11,6 +11,36 @@ use crate::dynamics::global::ModelMessage;
 use crate::timeline::{Fate, OverrunPolicy};
 
 /// The local side with its instrument.
+///
+/// ```
+/// use stickslip::device::failsafe::Cause;
+/// use stickslip::timeline::{Fate, OverrunPolicy};
+/// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
+///
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// let (mut servo, _) = Simulation::prepare(&scene)?.into_loops();
+/// for _ in 0..149 {
+///     servo.tick(Fate::OnTime)?;
+/// }
+/// let pressing = servo.tick(Fate::OnTime)?;
+/// assert!(pressing.force.z > 0.0 && pressing.tip == servo.tip());
+/// // A late force is thrown away under `hold`; under `zero` there is none.
+/// let held = servo.tick(Fate::Late(OverrunPolicy::Hold))?;
+/// assert!(held.force == pressing.force && held.report.force != held.force);
+/// assert_eq!(servo.tick(Fate::Late(OverrunPolicy::Zero))?.force, Vec3::zeros());
+/// // In a tick that is left out the tip moves on, but the mesh has not seen it.
+/// let skipped = servo.tick(Fate::Skipped)?;
+/// assert!(skipped.tip.z < servo.tip().z && servo.next_tick() == 153);
+///
+/// // A tick in its three parts, for a loop that sleeps between the first and the second.
+/// let tip = servo.sense()?;
+/// let report = servo.compute(tip)?;
+/// assert_eq!(servo.conclude(tip, report, Fate::OnTime).force, report.force);
+///
+/// let fault = servo.latch(Cause::StateNotFinite { node: 0 });
+/// assert_eq!(servo.tick(Fate::OnTime).map(|done| done.force), Err(fault)); // for good
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Servo {
     local: LocalSimulation,

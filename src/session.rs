@@ -40,6 +40,20 @@ impl Taped {
 }
 
 /// Tells whether two runs commanded the same forces to the bit (FNV-1a over their 64-bit patterns).
+///
+/// ```
+/// use stickslip::{Vec3, session::{Checksum, Taped}};
+///
+/// let of = |forces: &[Vec3]| {
+///     let mut checksum = Checksum::default();
+///     forces.iter().for_each(|&force| checksum.add(force));
+///     checksum.text()
+/// };
+/// assert_eq!(of(&[Vec3::x(), Vec3::y()]), of(&[Vec3::x(), Vec3::y()]));
+/// assert_ne!(of(&[Vec3::x(), Vec3::y()]), of(&[Vec3::y(), Vec3::x()])); // the order counts,
+/// assert_ne!(of(&[Vec3::zeros()]), of(&[-Vec3::zeros()])); // and every bit
+/// assert_eq!(Taped::new(Vec3::x(), Vec3::z()).force, [0.0, 0.0, 1.0]);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Checksum(u64);
 
@@ -131,6 +145,36 @@ impl Why {
 }
 
 /// A recorded session: the scene, what decides how it went, and what came out.
+///
+/// ```
+/// use stickslip::session::{Checksum, RecordedPass, Replayed, Session, replay};
+/// use stickslip::timeline::{Arrival, OverrunPolicy, RecordedTimes};
+/// use stickslip::scene::Scene;
+///
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// let mut session = Session::new(&scene, OverrunPolicy::Hold);
+/// // 200 ticks, of which one was late, with a model that took 30 ticks to come.
+/// let arrivals = vec![Arrival { from: 100, at: 130 }];
+/// let times = RecordedTimes { arrivals, late: vec![150], skipped: vec![] };
+/// let checksum = Checksum::default().text();
+/// let mut pass = RecordedPass { pass: 0, ticks: 200, times, checksum, fault: None, tape: vec![] };
+///
+/// // With the checksum of no force at all it is another run; with its own it is the same.
+/// let mut commanded = Checksum::default();
+/// let replayed = replay(session.prepare(&scene, &pass)?, &pass, |tick| commanded.add(tick.force));
+/// assert_eq!(replayed, Replayed::Differs { tick: None });
+/// pass.checksum = commanded.text();
+/// session.passes.push(pass);
+///
+/// // So it is after a way through a file.
+/// let folder = tempfile::tempdir()?;
+/// let file = folder.path().join("session.json");
+/// std::fs::write(&file, serde_json::to_string(&session)?)?;
+/// let session = Session::load(&file)?;
+/// let again = session.prepare(&session.scene()?, &session.passes[0])?;
+/// assert_eq!(replay(again, &session.passes[0], |_| ()), Replayed::Same { fault: None });
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Session {
     format: String,

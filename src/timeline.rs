@@ -52,6 +52,18 @@ impl Fate {
 }
 
 /// How long something takes to compute, s.
+///
+/// ```
+/// use stickslip::timeline::{Cost, Costs, Deadline, DrawnTimes, Fate, OverrunPolicy, Timeline};
+///
+/// // A deadline at the 99th percentile: one tick in a hundred misses it.
+/// let tick = Cost::LogNormal { median: 5e-5, p99: 1e-3 };
+/// let costs = Costs { tick, model: Cost::Constant(0.0), seed: 1 };
+/// let deadline = Deadline { after: 1e-3, overrun: OverrunPolicy::Hold };
+/// let mut drawn = Timeline::Drawn(Box::new(DrawnTimes::new(costs, deadline, 1e-3, 100, 0)));
+/// let late = (0..10_000).filter(|&tick| drawn.fate(tick) != Fate::OnTime).count();
+/// assert!((60..140).contains(&late), "{late}"); // 100 ± 4 standard deviations
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cost {
     /// Always the same.
@@ -117,6 +129,28 @@ pub struct RecordedTimes {
 }
 
 /// Decides the fate of every tick and the arrival of every model.
+///
+/// ```
+/// use stickslip::timeline::{Arrival, Cost, Costs, Deadline, DrawnTimes, OverrunPolicy, RecordedTimes, Timeline};
+///
+/// let overrun = OverrunPolicy::Skip;
+/// assert_eq!(overrun.name(), "skip");
+/// // The second tick takes 2.5 ms, a model 30 ms.
+/// let tick = Cost::Table(vec![1e-4, 2.5e-3, 1e-4]);
+/// let costs = Costs { tick, model: Cost::Constant(0.03), seed: 0 };
+/// let deadline = Deadline { after: 1e-3, overrun };
+/// let mut drawn = Timeline::Drawn(Box::new(DrawnTimes::new(costs, deadline, 1e-3, 100, 0)));
+/// let fates: Vec<&str> = (0..5).map(|tick| drawn.fate(tick).name()).collect();
+/// assert_eq!(fates, ["on-time", "late", "skipped", "skipped", "on-time"]);
+/// assert_eq!(drawn.model_due(100), Some(130));
+///
+/// // The same once more, from what was written down of it.
+/// let times = RecordedTimes { arrivals: vec![Arrival { from: 100, at: 130 }], late: vec![1], skipped: vec![2, 3] };
+/// let mut recorded = Timeline::Recorded { times, overrun };
+/// assert!((0..5).all(|tick| recorded.fate(tick).name() == fates[tick as usize]));
+/// assert_eq!((recorded.model_due(100), recorded.model_due(200)), (Some(130), None));
+/// assert_eq!(Timeline::Ideal { latency: 7 }.model_due(100), Some(107));
+/// ```
 #[derive(Debug, Clone)]
 pub enum Timeline {
     /// Nothing takes time, but models arrive some ticks after their boundary.

@@ -44,6 +44,23 @@ pub struct Collision {
 /// When and where the tip, moving from q₀ to q₁, first passes inwards through triangles that move
 /// from `start` to `end`, all linear in τ. `hits` is scratch; it never holds more entries than the
 /// surface has triangles. `tested` counts the triangles that the search came to.
+///
+/// ```
+/// use stickslip::contact::collision::{Hits, first_collision};
+/// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
+///
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// let simulation = Simulation::prepare(&scene)?;
+/// let block = simulation.local().shape(); // its top is at z = 0
+/// let (mut hits, mut tested) = (Hits::new(simulation.surface().triangles.len()), 0);
+/// let (above, inside) = (Vec3::new(0.001, 0.002, 0.003), Vec3::new(0.001, 0.002, -0.001));
+/// let hit = first_collision(&block, &block, above, inside, &mut hits, &mut tested).expect("it falls in");
+/// assert!((hit.time - 0.75).abs() < 1e-15);
+/// assert!((block.position(&hit.point) - Vec3::new(0.001, 0.002, 0.0)).norm() < 1e-15);
+/// assert!(tested < 20, "of 448 triangles");
+/// assert_eq!(first_collision(&block, &block, inside, above, &mut hits, &mut tested), None); // the way out
+/// # Ok::<(), stickslip::scene::SceneError>(())
+/// ```
 pub fn first_collision(
     start: &Shape,
     end: &Shape,
@@ -75,6 +92,18 @@ pub fn first_collision(
 ///
 /// The tip's height over the moving plane times twice the area is
 /// g(τ) = (q − a)·((b − a) × (c − a)), a cubic.
+///
+/// ```
+/// use stickslip::{Vec3, contact::collision::pass_inwards};
+///
+/// let floor = [Vec3::zeros(), Vec3::x(), Vec3::y()];
+/// let risen = floor.map(|corner| corner + Vec3::z() * 0.1);
+/// let (start, end) = (Vec3::new(0.25, 0.25, 0.3), Vec3::new(0.25, 0.25, -0.2));
+/// // The tip falls onto a triangle that rises: 0.3 − 0.5τ = 0.1τ.
+/// let (time, [alpha, beta, gamma]) = pass_inwards(floor, risen, start, end).expect("they meet");
+/// assert!((time - 0.5).abs() < 1e-15);
+/// assert!((alpha - 0.5).abs() < 1e-15 && (beta - 0.25).abs() < 1e-15 && (gamma - 0.25).abs() < 1e-15);
+/// ```
 pub fn pass_inwards(from: [Vec3; 3], to: [Vec3; 3], q0: Vec3, q1: Vec3) -> Option<(f64, [f64; 3])> {
     let ([a0, b0, c0], [a1, b1, c1]) = (from, to);
     let edge_b = [b0 - a0, (b1 - a1) - (b0 - a0)];

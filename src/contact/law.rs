@@ -4,6 +4,26 @@ use super::operators::Support;
 use crate::{Mat3, Vec3};
 
 /// The constraint between tip and surface.
+///
+/// ```
+/// use stickslip::{Mat3, Vec3, contact::law::{Law, Mode}};
+///
+/// let law = Law::StickSlip { friction: 0.5 };
+/// let normal = Vec3::z();
+/// let gentle = Vec3::new(0.3, 0.0, 1.0); // F_T < μF_N
+/// assert_eq!(law.contact_force(gentle, normal), (Mode::Stick, gentle));
+/// let hard = Vec3::new(0.8, 0.0, 1.0);
+/// let (mode, force) = law.contact_force(hard, normal);
+/// assert_eq!(mode, Mode::Slip);
+/// assert!((force - Vec3::new(0.5, 0.0, 1.0)).norm() < 1e-15); // F_T = μF_N
+/// assert_eq!(Law::Sliding.contact_force(hard, normal), (Mode::Slide, normal));
+///
+/// // The impulse that makes a point of 2 kg move with (1, 0, −1) m/s more: its tangential part is bounded too.
+/// let response = Mat3::identity() / 2.0;
+/// let impulse = law.impulse(&response, Vec3::new(1.0, 0.0, -1.0), normal);
+/// assert_eq!((impulse.mode, impulse.fell_back), (Mode::Slip, false));
+/// assert!((impulse.value - Vec3::new(1.0, 0.0, -2.0)).norm() < 1e-15);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Law {
     /// The tip keeps the surface out of its way and nothing else.
@@ -18,6 +38,19 @@ pub enum Law {
 }
 
 /// What the contact did in a tick.
+///
+/// ```
+/// use stickslip::Vec3;
+/// use stickslip::contact::{law::Mode, operators::{Metric, Support}};
+///
+/// let mut support = Support::with_capacity(1);
+/// support.set(Metric::Euclidean, [(0, 1.0, 100.0)]);
+/// for (mode, after) in [(Mode::Free, [1.0, -1.0]), (Mode::Stick, [0.0, 0.0]), (Mode::Slip, [1.0, 0.0])] {
+///     let mut v = [Vec3::new(1.0, 0.0, -1.0)];
+///     mode.project_velocity(&support, Vec3::z(), &mut v);
+///     assert_eq!([v[0].x, v[0].z], after, "{}", mode.name());
+/// }
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
     /// No force: no contact, or one kept under tension.

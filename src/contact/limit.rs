@@ -31,6 +31,22 @@ const LOOKS: u32 = 12;
 const TIME_TOLERANCE: f64 = 1e-15;
 
 /// A point of the limit surface with its derivatives by β and γ at one instant.
+///
+/// ```
+/// use stickslip::{Vec3, contact::surface::ContactGeometry, pipeline::Simulation, scene::Scene};
+///
+/// let scene = Scene::shipped("fig3-sliding-subdivision").expect("shipped with the program");
+/// let simulation = Simulation::prepare(&scene)?;
+/// let block = simulation.local().shape();
+/// let ContactGeometry::Limit(limit) = &block.model.geometry else { panic!("the scene says subdivision") };
+/// let tip = Vec3::new(0.001, 0.0013, 0.002);
+/// let point = block.limit_point(limit, &block.nearest(tip).expect("the surface is not empty"));
+/// assert!((point.position - Vec3::new(0.001, 0.0013, 0.0)).norm() < 1e-12); // flat, in the middle of the top
+/// assert!((point.normal() - Vec3::z()).norm() < 1e-12);
+/// assert!(point.tangents.iter().all(|tangent| tangent.dot(&point.normal()).abs() < 1e-15));
+/// assert!(point.curvatures.iter().all(|curvature| curvature.norm() < 1e-12));
+/// # Ok::<(), stickslip::scene::SceneError>(())
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct LimitPoint {
     /// p, m.

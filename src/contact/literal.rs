@@ -9,6 +9,31 @@ use crate::Vec3;
 
 /// A contact point over all m nodes of a model: weights (zero outside the support and for fixed
 /// nodes), masses and the normal.
+///
+/// ```
+/// use stickslip::Vec3;
+/// use stickslip::contact::literal::ContactFrame;
+/// use stickslip::contact::operators::{Metric, Support};
+///
+/// let weights = [0.5, 0.3, 0.2, 0.0];
+/// let metric = Metric::Euclidean;
+/// let frame = ContactFrame { weights: weights.to_vec(), mass: vec![0.01; 4], normal: Vec3::z(), metric };
+/// let operators = frame.operators(&[]).expect("a node carries weight");
+/// let (p, q) = (&operators.p, &operators.q);
+/// assert!((p * p - p).amax() < 1e-14 && (q * q - q).amax() < 1e-14); // projectors
+/// assert!((p.trace() - 9.0).abs() < 1e-14); // of 12 degrees of freedom three are taken,
+/// assert!((q.trace() - 11.0).abs() < 1e-14); // or one
+/// let identity = nalgebra::DMatrix::identity(12, 12);
+/// assert!((&operators.p_tilde + p.transpose() - identity).amax() < 1e-14); // P̃ = 1 − Pᵀ
+///
+/// // The closed form does the same.
+/// let mut v = [Vec3::x(), Vec3::y(), Vec3::z(), Vec3::x()];
+/// let held = p * nalgebra::DVector::from_iterator(12, v.iter().flat_map(|v| [v.x, v.y, v.z]));
+/// let mut support = Support::with_capacity(4);
+/// support.set(metric, weights.iter().enumerate().map(|(slot, &weight)| (slot, weight, 100.0)));
+/// support.project_sticking(&mut v);
+/// assert!((0..12).all(|i| (held[i] - v[i / 3][i % 3]).abs() < 1e-14));
+/// ```
 #[derive(Debug, Clone)]
 pub struct ContactFrame {
     /// wᵢ, one per node.

@@ -27,6 +27,18 @@ pub enum Feature {
 ///
 /// Voronoi regions of the corners, then of the edges, then the inside (Ericson, *Real-Time
 /// Collision Detection*, 5.1.5).
+///
+/// ```
+/// use stickslip::{Vec3, contact::nearest::{Feature, nearest_on_triangle}};
+///
+/// let triangle = [Vec3::zeros(), Vec3::x(), Vec3::y()];
+/// let (weights, feature) = nearest_on_triangle(triangle, Vec3::new(0.25, 0.25, 7.0));
+/// assert_eq!((weights, feature), ([0.5, 0.25, 0.25], Feature::Face));
+/// let (weights, feature) = nearest_on_triangle(triangle, Vec3::new(0.5, -2.0, 0.0));
+/// assert_eq!((weights, feature), ([0.5, 0.5, 0.0], Feature::Edge(2)));
+/// let (_, feature) = nearest_on_triangle(triangle, Vec3::new(-1.0, -1.0, 1.0));
+/// assert_eq!(feature, Feature::Corner(0));
+/// ```
 pub fn nearest_on_triangle([a, b, c]: [Vec3; 3], q: Vec3) -> ([f64; 3], Feature) {
     let (ab, ac) = (b - a, c - a);
     let (aq, bq, cq) = (q - a, q - b, q - c);

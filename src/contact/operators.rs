@@ -11,6 +11,23 @@
 use crate::Vec3;
 
 /// The inner product in which P and Q are orthogonal projectors.
+///
+/// ```
+/// use stickslip::{Vec3, contact::operators::{Metric, Support}};
+///
+/// // Two nodes of 1 kg and 10 g that share the contact point. Only the light one moves.
+/// let inverse_mass = [1.0, 100.0];
+/// let energy_after = |metric| {
+///     let mut support = Support::with_capacity(2);
+///     support.set(metric, [(0, 0.5, inverse_mass[0]), (1, 0.5, inverse_mass[1])]);
+///     let mut v = [Vec3::zeros(), Vec3::x()];
+///     support.project_sticking(&mut v);
+///     0.5 * (v[0].norm_squared() / inverse_mass[0] + v[1].norm_squared() / inverse_mass[1])
+/// };
+/// let before = 0.5 * 0.01;
+/// assert!(energy_after(Metric::Mass) < before); // as an inelastic impact should
+/// assert!(energy_after(Metric::Euclidean) > 10.0 * before);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Metric {
     /// The paper's. With unequal masses P can raise kinetic energy, and λ is not the Lagrange
@@ -48,6 +65,35 @@ impl SupportNode {
 /// let mut v = [Vec3::x(), Vec3::y(), Vec3::z()];
 /// support.project_sticking(&mut v);
 /// assert!(support.velocity(&v).norm() < 1e-15); // W P = 0
+/// ```
+///
+/// The other operators, in the mass metric:
+///
+/// ```
+/// use stickslip::{Vec3, contact::operators::{Metric, Support}};
+///
+/// let mass = [0.01, 0.02];
+/// let mut support = Support::with_capacity(2);
+/// support.set(Metric::Mass, [(0, 0.25, 1.0 / mass[0]), (1, 0.75, 1.0 / mass[1])]);
+/// let [first, second] = support.nodes() else { unreachable!("two free nodes") };
+/// assert_eq!(support.free_weight(), 1.0);
+/// assert_eq!(support.scale(), 0.25 * first.response() + 0.75 * second.response()); // s
+/// assert_eq!(support.square_weight(), 0.25 * 0.25 + 0.75 * 0.75);
+///
+/// // An impulse of 1 N·s on the contact point changes the momentum by as much.
+/// let mut v = [Vec3::zeros(); 2];
+/// support.push(Vec3::x(), &mut v);
+/// assert!((v[0] * mass[0] + v[1] * mass[1] - Vec3::x()).norm() < 1e-15);
+///
+/// // Q stops the normal part of the contact point's velocity and keeps the rest.
+/// let mut v = [Vec3::new(1.0, 0.0, -1.0); 2];
+/// support.project_sliding(Vec3::z(), &mut v);
+/// assert!((support.velocity(&v) - Vec3::x()).norm() < 1e-15);
+///
+/// // What is left of node forces when the force that holds the point is taken off needs none.
+/// let mut f = [Vec3::new(0.1, 0.0, 0.4), Vec3::new(0.0, 0.2, 0.6)];
+/// support.subtract_contact_force(support.reaction(&f), &mut f);
+/// assert!(support.reaction(&f).norm() < 1e-15);
 /// ```
 #[derive(Debug, Default)]
 pub struct Support {

@@ -23,6 +23,24 @@ pub enum ContactSurface {
 }
 
 /// A contact surface with what is prepared for it once per mesh.
+///
+/// ```
+/// use stickslip::contact::surface::{ContactGeometry, ContactPoint, ContactSurface};
+/// use stickslip::model::{mesh::{Block, Stencil}, surface::Surface};
+///
+/// let mesh = Block { nodes: [9, 9, 4], spacing: 0.0125, stencil: Stencil::Shear }.mesh();
+/// let surface = Surface::new(&mesh)?;
+/// let point = ContactPoint { triangle: 60, weights: [0.2, 0.3, 0.5] };
+/// for kind in [ContactSurface::Faceted, ContactSurface::Subdivision] {
+///     let geometry = ContactGeometry::new(kind, &surface)?;
+///     let weights: Vec<(u32, f64)> = geometry.weights(&surface, &point).collect();
+///     assert_eq!(weights.len(), geometry.support(&surface, 60).len());
+///     assert!(weights.len() <= geometry.largest_support());
+///     let sum: f64 = weights.iter().map(|(_, weight)| weight).sum();
+///     assert!((sum - 1.0).abs() < 1e-14); // where the mesh goes, the contact point goes
+/// }
+/// # Ok::<(), stickslip::model::surface::SurfaceError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub enum ContactGeometry {
     /// The triangles with their face normals.
@@ -82,6 +100,14 @@ impl ContactGeometry {
 }
 
 /// A material point of the surface.
+///
+/// ```
+/// use stickslip::{Vec3, contact::surface::ContactPoint};
+///
+/// let middle = ContactPoint { triangle: 0, weights: [1.0 / 3.0; 3] };
+/// let centroid = middle.position([Vec3::zeros(), Vec3::x() * 3.0, Vec3::y() * 3.0]);
+/// assert!((centroid - Vec3::new(1.0, 1.0, 0.0)).norm() < 1e-15);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactPoint {
     /// The triangle it lies in.
@@ -99,6 +125,37 @@ impl ContactPoint {
 }
 
 /// The surface at one instant.
+///
+/// ```
+/// use stickslip::contact::operators::{Metric, Support};
+/// use stickslip::contact::surface::{Projection, Visited};
+/// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
+///
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// let simulation = Simulation::prepare(&scene)?;
+/// let block = simulation.local().shape();
+/// assert_eq!(block.reach(), 0.0); // nothing has moved yet
+///
+/// let tip = Vec3::new(0.001, 0.002, 0.003); // 3 mm above its top, z = 0
+/// assert!((block.signed_distance(tip) - 0.003).abs() < 1e-15 && block.is_outside(tip));
+/// let point = block.nearest(tip).expect("the surface is not empty");
+/// let touch = block.touch(Metric::Euclidean, &point, &mut Support::with_capacity(3));
+/// assert!((touch.normal - Vec3::z()).norm() < 1e-15);
+/// assert!((touch.position - Vec3::new(0.001, 0.002, 0.0)).norm() < 1e-15);
+/// assert_eq!(block.position(&point), touch.position);
+///
+/// // Following the tip from triangle to triangle leads to the foot of its height.
+/// let far = Vec3::new(0.031, -0.022, -0.001);
+/// let mut visited = Visited::new(simulation.surface().triangles.len());
+/// let Projection::Found(there) = block.project(&point, far, &mut visited) else { panic!("over the border") };
+/// assert!((block.position(&there) - Vec3::new(0.031, -0.022, 0.0)).norm() < 1e-15);
+///
+/// // A lattice square is cut into two triangles.
+/// let [a, b, c] = block.corners(there.triangle);
+/// assert!((block.area_normal(there.triangle).norm() - 0.0125 * 0.0125).abs() < 1e-15);
+/// assert!((there.position([a, b, c]) - block.position(&there)).norm() < 1e-15);
+/// # Ok::<(), stickslip::scene::SceneError>(())
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Shape<'a> {
     /// Whose surface.

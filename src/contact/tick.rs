@@ -34,6 +34,16 @@ pub struct Wall {
 }
 
 /// How a contact constrains the mesh.
+///
+/// ```
+/// use stickslip::contact::{operators::Metric, tick::{Deformation, Scheme}};
+///
+/// let paper = Scheme::Geometric { deformation: Deformation::Rigid, metric: Metric::Euclidean };
+/// assert_eq!((paper.name(), paper.metric()), ("geometric", Metric::Euclidean));
+/// // An impulse acts through the masses, whatever P of the global cycle does.
+/// assert_eq!((Scheme::Velocity.name(), Scheme::Velocity.metric()), ("velocity", Metric::Mass));
+/// assert_eq!(Scheme::Velocity.overwrite_metric(), Metric::Euclidean);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Scheme {
     /// The mesh is moved to the tip, and stopped there (the paper). Moving it takes no work.
@@ -120,6 +130,20 @@ impl Grip {
 }
 
 /// What a tick did.
+///
+/// ```
+/// use stickslip::{contact::{law::Mode, tick::TickReport}, pipeline, scene::Scene};
+///
+/// assert_eq!(TickReport::none().mode, Mode::Free);
+/// let scene = Scene::shipped("fig5-stick-slip").expect("shipped with the program"); // μ = 1
+/// let mut excess_n = 0.0_f64;
+/// pipeline::run(&scene, |tick| {
+///     let report = tick.report;
+///     excess_n = excess_n.max(report.tangential_force() - report.normal_force);
+/// })?;
+/// assert!(excess_n < 1e-12); // Coulomb's bound, F_T ≤ μF_N
+/// # Ok::<(), stickslip::pipeline::RunError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TickReport {
     /// Free, or what the contact did.
@@ -179,6 +203,27 @@ struct Meeting {
 }
 
 /// The local side: the model in use, its state, and the contact.
+///
+/// ```
+/// use stickslip::{Vec3, contact::{law::Mode, tick::TickReport}, pipeline::Simulation, scene::Scene};
+///
+/// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
+/// let (_, mut local) = Simulation::prepare(&scene)?.into_sides();
+/// // From 1 mm above the block to 1 mm below where its top was, in 20 ms.
+/// let (mut tip, mut report) = (Vec3::new(-0.03, 0.0013, 0.001), TickReport::none());
+/// for _ in 0..20 {
+///     let next = tip - Vec3::z() * 1e-4;
+///     report = local.tick(tip, next);
+///     tip = next;
+/// }
+/// assert_eq!((report.mode, local.model_age()), (Mode::Stick, 20));
+/// assert!(report.normal_force > 0.0); // it pushes back
+/// let contact = local.contact().expect("the tip is in contact");
+/// assert!((local.shape().position(&contact.point) - tip).norm() < 1e-12); // the mesh is where the tip is
+/// assert_eq!(local.state().x.len(), local.model().patch.len() + local.model().patch.boundary.len());
+/// assert_eq!(local.elapsed(), 20.0 * scene.tick);
+/// # Ok::<(), stickslip::scene::SceneError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct LocalSimulation {
     rules: ContactRules,
@@ -277,6 +322,21 @@ impl LocalSimulation {
     /// ½ Δvᵀ M Δv of the last tick, J, under the velocity scheme. The geometric one has no such term: it
     /// changes velocities in several places and keeps no energy book. Nor have steps whose impulse acts over the
     /// whole tick: they lose the work of Λ over what `follow` closes.
+    ///
+    /// ```
+    /// use stickslip::{Vec3, contact::tick::Scheme, pipeline::Simulation, scene::Scene};
+    ///
+    /// let mut scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
+    /// scene.contact.scheme = Scheme::Velocity;
+    /// let (_, mut local) = Simulation::prepare(&scene)?.into_sides();
+    /// let above = Vec3::new(-0.03, 0.0013, 0.0005);
+    /// let inside = above - Vec3::z() * 0.001; // at 1 m/s
+    /// local.tick(above, above);
+    /// assert_eq!(local.impact_loss(), 0.0); // nothing was hit
+    /// local.tick(above, inside);
+    /// assert!(local.impact_loss() > 0.0); // the masses under the tip started at once
+    /// # Ok::<(), stickslip::scene::SceneError>(())
+    /// ```
     pub fn impact_loss(&self) -> f64 {
         match self.rules.scheme {
             Scheme::Geometric { .. } => 0.0,

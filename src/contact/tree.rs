@@ -11,6 +11,17 @@ use crate::model::surface::Surface;
 const LEAF: usize = 4;
 
 /// An axis-aligned box.
+///
+/// ```
+/// use stickslip::{Vec3, contact::tree::Aabb};
+///
+/// let unit = Aabb::around([Vec3::zeros(), Vec3::new(1.0, 1.0, 1.0)]);
+/// assert_eq!(unit.distance(Vec3::new(4.0, 5.0, 0.5)), 5.0);
+/// assert_eq!(unit.distance(Vec3::repeat(0.5)), 0.0);
+/// let beside = Aabb::around([Vec3::new(1.5, 0.0, 0.0)]);
+/// assert!(!unit.overlaps(&beside) && unit.grown(0.5).overlaps(&beside));
+/// assert!(!unit.overlaps(&Aabb::EMPTY));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Aabb {
     lower: Vec3,
@@ -104,6 +115,29 @@ fn divide(nodes: &mut Vec<Node>, triangles: &mut [u32], first: usize, centres: &
 
 /// The tree with boxes around the triangles as they were when a local model was built. Vertices move
 /// on from there; a search allows for the furthest any of them has gone.
+///
+/// ```
+/// use std::sync::Arc;
+/// use stickslip::contact::{surface::ContactGeometry, tree::{Boxes, TriangleTree}};
+/// use stickslip::model::{mesh::{Block, Stencil}, surface::Surface};
+/// use stickslip::{Vec3, contact::tree::Aabb};
+///
+/// let mesh = Block { nodes: [9, 9, 4], spacing: 0.0125, stencil: Stencil::Shear }.mesh();
+/// let surface = Surface::new(&mesh)?;
+/// let vertices: Vec<Vec3> = surface.vertex_node.iter().map(|&node| mesh.nodes[node as usize]).collect();
+/// let tree = Arc::new(TriangleTree::new(&surface, &mesh.nodes));
+/// let boxes = Boxes::new(tree, &surface, &ContactGeometry::Faceted, &vertices);
+///
+/// // Every triangle that comes within a millimetre of a point is among the few that are visited.
+/// let near = |aabb: &Aabb| aabb.distance(Vec3::new(0.02, 0.01, 0.0)) <= 0.001;
+/// let mut visited = Vec::new();
+/// boxes.search(&mut visited, |_, aabb| near(aabb), |visited, triangle| visited.push(triangle));
+/// let corners = |triangle: u32| surface.triangles[triangle as usize].map(|vertex| vertices[vertex as usize]);
+/// let all = 0..surface.triangles.len() as u32;
+/// assert!(all.filter(|&triangle| near(&Aabb::around(corners(triangle)))).all(|each| visited.contains(&each)));
+/// assert!(visited.len() < 40, "of 448");
+/// # Ok::<(), stickslip::model::surface::SurfaceError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Boxes {
     tree: Arc<TriangleTree>,

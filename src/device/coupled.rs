@@ -33,6 +33,31 @@ pub struct DeviceView {
 }
 
 /// The device in the loop.
+///
+/// ```
+/// use stickslip::Vec3;
+/// use stickslip::device::coupled::{CoupledPhantom, CoupledSettings};
+/// use stickslip::device::instrument::{TipPath, Waypoint};
+///
+/// let still = TipPath::new(vec![Waypoint { time: 0.0, position: Vec3::zeros() }])?;
+/// let settings = CoupledSettings { passivity_control: true, ..CoupledSettings::default() };
+/// let mut device = CoupledPhantom::new(&settings, &still, 1e-3)?;
+/// assert!(device.start().norm() < 1e-4); // where the hand aims, to within the encoders' resolution
+///
+/// assert_eq!(device.command(&Vec3::z()), Vec3::z());
+/// // Until something has moved, a force costs nothing. One that pushes the hand away gives what was never taken in.
+/// let mut is_damped = false;
+/// for tick in 0..100 {
+///     device.sense(f64::from(tick) * 1e-3, &Vec3::zeros())?;
+///     device.command(&Vec3::z());
+///     is_damped |= device.view().is_damped;
+/// }
+/// assert!(is_damped);
+/// assert_eq!(device.command(&Vec3::repeat(f64::NAN)), Vec3::zeros()); // nothing not finite goes out
+/// device.release();
+/// assert!(!device.view().is_damped && !device.phantom().saturated());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct CoupledPhantom {
     phantom: Phantom,

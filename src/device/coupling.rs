@@ -31,6 +31,19 @@ pub enum CouplingError {
 }
 
 /// A spring and damper between the measured tip and a simulated one that has a mass.
+///
+/// ```
+/// use stickslip::device::coupling::{CouplingError, CouplingSettings};
+///
+/// let settings = CouplingSettings::default();
+/// settings.check(1e-3)?;
+/// // Its own step is stable while h²k + 2hb < 4m: up to 16.4 ms.
+/// settings.check(0.016)?;
+/// assert!(matches!(settings.check(0.017), Err(CouplingError::TooLight { .. })));
+/// let pulling = CouplingSettings { stiffness: -1.0, ..settings };
+/// assert!(pulling.check(1e-3).is_err());
+/// # Ok::<(), CouplingError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CouplingSettings {
     /// k, N/m.
@@ -74,6 +87,19 @@ impl CouplingSettings {
 
 /// J. E. Colgate, M. C. Stanley, J. M. Brown, *Issues in the haptic display of tool use*, IROS 1995, with a mass for
 /// the simulated tip, since contact answers a motion with a force.
+///
+/// ```
+/// use stickslip::{Vec3, device::coupling::{CouplingSettings, VirtualCoupling}};
+///
+/// let settings = CouplingSettings::default();
+/// let mut coupling = VirtualCoupling::new(settings, 1e-3, Vec3::zeros())?;
+/// // Contact pushes with 1 N while the hand keeps the device where it is, until nothing moves any more.
+/// let (hand, contact_n) = (Vec3::zeros(), Vec3::z());
+/// let tip = (0..2000).fold(hand, |_, _| coupling.advance(&hand, &contact_n));
+/// assert!((coupling.force() - contact_n).norm() < 1e-9); // the device gets what contact gives,
+/// assert!((tip.z - 1.0 / settings.stiffness).abs() < 1e-12); // and the spring is stretched by f/k
+/// # Ok::<(), stickslip::device::coupling::CouplingError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct VirtualCoupling {
     settings: CouplingSettings,
@@ -117,6 +143,21 @@ impl VirtualCoupling {
 /// has given out beyond what it took in. A force is counted with the way over which the motors held it, not with the one
 /// that it answers: by that count a spring that answers at once never gives anything, and the energy that a stiff wall
 /// gives out between two ticks would not be seen.
+///
+/// ```
+/// use stickslip::{Vec3, device::coupling::PassivityController};
+///
+/// let mut controller = PassivityController::default();
+/// let force = Vec3::z(); // N
+/// let applied = controller.command(&force, &Vec3::zeros());
+/// assert_eq!(applied, force); // nothing has been given yet
+/// controller.hold(applied);
+/// // The motors push the hand away by 1 mm: the simulation has given 1 mJ that it never took in.
+/// let way = Vec3::z() * 1e-3;
+/// let damped = controller.command(&force, &way);
+/// assert_eq!(controller.energy_j(), -1e-3);
+/// assert!(damped.norm() < 1e-12); // f + EΔq/|Δq|² = 1 N − 1 mJ/1 mm
+/// ```
 #[derive(Debug, Clone, Default)]
 pub struct PassivityController {
     energy: f64,
@@ -148,6 +189,17 @@ impl PassivityController {
 }
 
 /// Spreads the jump of the force at a hand-over over n ticks, linearly.
+///
+/// ```
+/// use stickslip::{Vec3, device::coupling::HandOverSmoothing};
+///
+/// let mut smoothing = HandOverSmoothing::new(3);
+/// let mut command = |force_n: f64, is_first| smoothing.command(&(Vec3::z() * force_n), is_first).z;
+/// assert_eq!(command(1.0, false), 1.0);
+/// // A new model says 0 N: a jump of 1 N is felt as four of 0.25 N.
+/// assert_eq!([command(0.0, true), command(0.0, false), command(0.0, false)], [0.75, 0.5, 0.25]);
+/// assert_eq!(command(0.0, false), 0.0);
+/// ```
 #[derive(Debug, Clone)]
 pub struct HandOverSmoothing {
     ticks: u32,

@@ -65,6 +65,20 @@ pub struct Fault {
 }
 
 /// How far nodes may go from their rest places.
+///
+/// ```
+/// use stickslip::device::failsafe::{Bounds, Cause};
+/// use stickslip::{Vec3, model::network::State};
+///
+/// let rest = [Vec3::zeros(), Vec3::x() * 0.1]; // a diagonal of 0.1 m
+/// let bounds = Bounds::new(&rest);
+/// let mut state = State { x: rest.to_vec(), v: vec![Vec3::zeros(); 2] };
+/// assert_eq!(bounds.network_cause(&rest, &state), None);
+/// state.x[1].x = 1.2;
+/// assert!(matches!(bounds.network_cause(&rest, &state), Some(Cause::Runaway { node: 1, .. })));
+/// state.v[0].z = f64::NAN;
+/// assert_eq!(bounds.network_cause(&rest, &state), Some(Cause::StateNotFinite { node: 0 }));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
     runaway_m: f64,
@@ -108,6 +122,28 @@ impl Bounds {
 }
 
 /// Checks every tick; once it has found a fault it commands zero for good.
+///
+/// ```
+/// use stickslip::device::failsafe::{Bounds, Cause, FailSafe};
+/// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
+///
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// let simulation = Simulation::prepare(&scene)?;
+/// let bounds = Bounds::new(&simulation.network().rest);
+/// let (_, mut local) = simulation.into_sides();
+/// let tip = scene.path.at(0.0);
+/// let mut report = local.tick(tip, tip);
+///
+/// let mut fail_safe = FailSafe::new(bounds);
+/// assert_eq!(fail_safe.command(0, tip, &local, &report), Ok(Vec3::zeros()));
+/// report.force.x = f64::NAN;
+/// let fault = fail_safe.command(1, tip, &local, &report).expect_err("NaN must not reach a device");
+/// assert_eq!((fault.tick, fault.cause), (1, Cause::ForceNotFinite));
+/// report.force.x = 0.0;
+/// assert_eq!(fail_safe.command(2, tip, &local, &report).map_err(|fault| fault.tick), Err(1)); // for good
+/// assert_eq!(fail_safe.latch(3, tip, Cause::StateNotFinite { node: 0 }).tick, 1); // the first is told
+/// # Ok::<(), stickslip::scene::SceneError>(())
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct FailSafe {
     bounds: Bounds,

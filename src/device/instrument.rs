@@ -23,6 +23,21 @@ pub struct Waypoint {
 
 /// A tip that follows waypoints, linearly between them and at rest before and after, whatever the
 /// force. Times ascend; there is at least one.
+///
+/// ```
+/// use stickslip::{Vec3, device::instrument::{PathError, TipPath, Waypoint}};
+///
+/// let at = |time, z| Waypoint { time, position: Vec3::new(0.0, 0.0, z) };
+/// let press = TipPath::new(vec![at(0.0, 0.002), at(0.5, -0.003), at(1.0, -0.003)])?;
+/// assert_eq!(press.at(0.5).z, -0.003);
+/// assert!((press.velocity_at(0.25).z + 0.01).abs() < 1e-15); // 5 mm in 0.5 s
+/// assert_eq!(press.velocity_at(2.0), Vec3::zeros());
+/// let slower = press.transformed(2.0, |point| point + Vec3::x());
+/// assert_eq!(slower.at(1.0), Vec3::new(1.0, 0.0, -0.003));
+/// assert!((slower.top_speed() - 0.005).abs() < 1e-15);
+/// assert!(matches!(TipPath::new(vec![at(1.0, 0.0), at(0.0, 0.0)]), Err(PathError::NotAscending { index: 1, .. })));
+/// # Ok::<(), stickslip::device::instrument::PathError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct TipPath {
     waypoints: Vec<Waypoint>,
@@ -38,6 +53,25 @@ pub enum InstrumentKind {
 }
 
 /// What holds the tip.
+///
+/// ```
+/// use stickslip::Vec3;
+/// use stickslip::device::instrument::{Instrument, InstrumentKind, TipPath, Waypoint};
+///
+/// let path = TipPath::new(vec![
+///     Waypoint { time: 0.0, position: Vec3::zeros() },
+///     Waypoint { time: 1.0, position: Vec3::x() * 0.01 },
+/// ])?;
+/// let mut instrument = Instrument::new(&InstrumentKind::Path, &path, 1e-3)?;
+/// assert_eq!(instrument.start(), Vec3::zeros());
+/// let force = Vec3::z();
+/// assert_eq!(instrument.command(&force), force);
+/// // A path is followed whatever the force. A device in a hand would be pushed back.
+/// assert_eq!(instrument.sense(0.499, 0.5, &force)?, Vec3::x() * 0.005);
+/// instrument.release();
+/// assert!(instrument.device().is_none());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub enum Instrument {
     /// A tip that goes its way whatever the force.
@@ -191,6 +225,19 @@ impl TipPath {
     /// # Errors
     /// If the file cannot be read, has other columns or anything but numbers, or its times do not
     /// ascend; with the line.
+    ///
+    /// ```
+    /// use stickslip::device::instrument::TipPath;
+    ///
+    /// let folder = tempfile::tempdir()?;
+    /// let recording = folder.path().join("press.csv");
+    /// std::fs::write(&recording, "t,x,y,z\n0.0,0,0,0.002\n0.5,0,0,-0.003\n")?;
+    /// assert!((TipPath::from_csv(&recording)?.top_speed() - 0.01).abs() < 1e-15); // m/s
+    /// std::fs::write(&recording, "time,z\n0.0,0.002\n")?;
+    /// let error = TipPath::from_csv(&recording).expect_err("other columns");
+    /// assert_eq!(error.to_string(), "its header is `time,z`, not `t,x,y,z`");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn from_csv(path: &FilePath) -> Result<Self, PathError> {
         #[derive(Deserialize)]
         struct Row {

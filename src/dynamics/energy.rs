@@ -11,6 +11,26 @@ use crate::contact::tick::{LocalSimulation, TickReport};
 /// exchanging the model is left out.
 ///
 /// [`residual`]: EnergyBook::residual
+///
+/// ```
+/// use stickslip::{Vec3, contact::tick::Scheme, dynamics::energy::EnergyBook, pipeline::Simulation, scene::Scene};
+///
+/// let mut scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
+/// scene.contact.scheme = Scheme::Velocity; // the scheme that keeps the book
+/// let (_, mut local) = Simulation::prepare(&scene)?.into_sides();
+/// let mut book = EnergyBook::new(0.0);
+/// book.take_stock(&local);
+/// let mut tip = Vec3::new(-0.03, 0.0013, 0.0005);
+/// for _ in 0..100 {
+///     let next = tip - Vec3::z() * 1e-5; // 10 mm/s
+///     let report = local.tick(tip, next);
+///     book.book(&local, &report, tip, next, scene.tick);
+///     tip = next;
+/// }
+/// assert!(book.work > 0.0 && book.elastic > 0.0 && book.damping_loss > 0.0);
+/// assert!(book.residual().abs() < 0.05 * book.absolute_work);
+/// # Ok::<(), stickslip::scene::SceneError>(())
+/// ```
 #[derive(Debug, Clone, Copy, Default)]
 pub struct EnergyBook {
     /// ½ Σ m v².

@@ -63,6 +63,27 @@ pub struct ModelMessage {
 }
 
 /// The path of the patch through one cycle: a segment for each model that was in use.
+///
+/// ```
+/// use stickslip::dynamics::global::{CycleMessage, Keep, Trajectory};
+/// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
+///
+/// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
+/// let (mut global, _) = Simulation::prepare(&scene)?.into_sides();
+/// // A node of the block's top goes down by 1 mm in the cycle's 100 ticks.
+/// let (node, speed) = (300, -Vec3::z() * 0.01);
+/// let start = global.state().x[node as usize];
+/// let mut trajectory = Trajectory::new(Keep::Path);
+/// trajectory.begin_at(&[node], &[start], &[speed], 0, 100);
+/// for tick in 1..=100 {
+///     trajectory.record_at(&[start + speed * (f64::from(tick) * scene.tick)], &[speed]);
+/// }
+/// global.catch_up(&CycleMessage { trajectory, contact: None, tip: start })?;
+/// let x = &global.state().x;
+/// assert!((x[node as usize].z - (start.z - 0.001)).abs() < 1e-15);
+/// assert!(x[node as usize + 1].z < start.z); // its neighbours were pulled along
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Trajectory {
     keep: Keep,
@@ -219,6 +240,35 @@ impl Constraint for Held<'_> {
 }
 
 /// The global side: the network, its state, and the builder of local models.
+///
+/// ```
+/// use stickslip::dynamics::global::{CycleMessage, Keep, ModelMessage, Trajectory};
+/// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
+///
+/// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
+/// let (mut global, mut local) = Simulation::prepare(&scene)?.into_sides();
+/// // One cycle: the tip goes 1 mm into the block.
+/// let mut tip = Vec3::new(-0.03, 0.0013, 0.0);
+/// let mut trajectory = Trajectory::new(Keep::Path);
+/// trajectory.begin(local.model(), local.state(), 0, 100);
+/// for _ in 0..100 {
+///     let next = tip - Vec3::z() * 1e-5;
+///     local.tick(tip, next);
+///     trajectory.record(local.state());
+///     tip = next;
+/// }
+/// global.catch_up(&CycleMessage { trajectory, contact: local.contact(), tip })?;
+/// // The network's patch is where the local side left it,
+/// let patch = &local.model().patch;
+/// assert!((0..patch.len()).all(|slot| global.state().x[patch.nodes[slot] as usize] == local.state().x[slot]));
+/// // and the next model starts there.
+/// let ModelMessage { model, state } = global.build_model(tip)?;
+/// local.hand_over(model, state, 0, tip);
+/// assert_eq!(local.model_age(), 0);
+/// assert_eq!(global.work().models_built, 2);
+/// assert!(global.condensation().is_none(), "the paper's exterior is fixed");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct GlobalSimulation {
     settings: CycleSettings,

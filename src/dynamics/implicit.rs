@@ -32,6 +32,24 @@ pub struct NotSolved {
 }
 
 /// Newton's method for one network.
+///
+/// ```
+/// use stickslip::dynamics::{implicit::Newton, integrators::Unconstrained};
+/// use stickslip::{Vec3, model::network::Network, model::springs::Spring};
+///
+/// // m = 1 kg on k = 10⁶ N/m, stretched by 1 mm: an explicit step of 0.1 s would be fifty times too long.
+/// let spring = Spring { nodes: [0, 1], stiffness: 1e6, damping: 0.0, rest_length: 1.0 };
+/// let rest = vec![Vec3::zeros(), Vec3::x()];
+/// let network = Network::from_parts(rest, vec![1.0; 2], vec![true, false], &[spring], vec![]);
+/// let mut state = network.rest_state();
+/// state.x[1].x = 1.001;
+/// let h = 0.1;
+/// Newton::default().step(&network, &mut state, h, &Unconstrained)?;
+/// let speed = -h * 1e6 * 0.001 / (1.0 + h * h * 1e6);
+/// assert!((state.v[1].x - speed).abs() < 1e-9);
+/// assert!((state.x[1].x - (1.001 + h * speed)).abs() < 1e-9);
+/// # Ok::<(), stickslip::dynamics::implicit::NotSolved>(())
+/// ```
 #[derive(Debug, Clone, Default)]
 pub struct Newton {
     /// Number of each node among those that are solved for, or [`GIVEN`].

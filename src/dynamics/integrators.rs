@@ -6,6 +6,28 @@ use crate::contact::operators::Support;
 use crate::model::network::{Network, State, snap_to_rest};
 
 /// How the full model is integrated between boundaries.
+///
+/// ```
+/// use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper, Unconstrained};
+/// use stickslip::{Vec3, model::network::Network, model::springs::Spring};
+///
+/// // ω = 1 rad/s, amplitude 1: E = ½. How much of it is left after 100 steps of 0.1 s?
+/// let spring = Spring { nodes: [0, 1], stiffness: 1.0, damping: 0.0, rest_length: 2.0 };
+/// let rest = vec![Vec3::zeros(), Vec3::x() * 2.0];
+/// let network = Network::from_parts(rest, vec![1.0; 2], vec![true, false], &[spring], vec![]);
+/// let left = |integrator: GlobalIntegrator| {
+///     let (mut state, mut stepper) = (network.rest_state(), Stepper::new(&network));
+///     state.x[1].x = 3.0;
+///     (0..100).for_each(|_| stepper.step(integrator, &network, &mut state, 0.1, &Unconstrained));
+///     assert!(stepper.failure().is_none(), "{}", integrator.name());
+///     let energy = 0.5 * state.v[1].norm_squared() + network.springs.elastic_energy(&state.x);
+///     (energy / 0.5, stepper.evaluations())
+/// };
+/// assert!((left(GlobalIntegrator::ImplicitEuler).0 * 1.01_f64.powi(100) - 1.0).abs() < 1e-6); // (1 + h²)⁻ⁿ
+/// assert!((left(GlobalIntegrator::SemiImplicitEuler).0 - 1.0).abs() < 0.1); // swings about it, for ever
+/// let (rk4, evaluations) = left(GlobalIntegrator::Rk4);
+/// assert!((rk4 - 1.0).abs() < 1e-4 && evaluations == 400);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum GlobalIntegrator {
     /// (11): v ← v + h M⁻¹f, x ← x + h v. First order, symplectic without damping.
@@ -28,6 +50,37 @@ impl GlobalIntegrator {
 }
 
 /// Something imposed on the network while it is integrated.
+///
+/// ```
+/// use stickslip::dynamics::integrators::{Constraint, GlobalIntegrator, Stepper};
+/// use stickslip::{Vec3, model::network::{Network, State}, model::springs::Spring};
+///
+/// /// A hand that leads node 1 along x with 1 m/s.
+/// struct Led {
+///     since: f64,
+///     h: f64,
+/// }
+/// impl Constraint for Led {
+///     fn accelerations(&self, a: &mut [Vec3]) {
+///         a[1] = Vec3::zeros();
+///     }
+///     fn state(&self, ahead: f64, state: &mut State) {
+///         state.x[1] = Vec3::x() * (1.0 + self.since + ahead * self.h);
+///         state.v[1] = Vec3::x();
+///     }
+/// }
+/// let spring = |i, j| Spring { nodes: [i, j], stiffness: 10.0, damping: 1.0, rest_length: 1.0 };
+/// let rest = vec![Vec3::zeros(), Vec3::x(), Vec3::x() * 2.0];
+/// let springs = [spring(0, 1), spring(1, 2)];
+/// let network = Network::from_parts(rest, vec![0.1; 3], vec![true, false, false], &springs, vec![]);
+/// let (mut state, mut stepper, h) = (network.rest_state(), Stepper::new(&network), 0.01);
+/// for step in 0..500 {
+///     let led = Led { since: f64::from(step) * h, h };
+///     stepper.step(GlobalIntegrator::Rk4, &network, &mut state, h, &led);
+/// }
+/// assert!((state.x[1].x - 6.0).abs() < 1e-12); // where the hand is,
+/// assert!((state.x[2].x - 7.0).abs() < 1e-3 && (state.v[2].x - 1.0).abs() < 1e-3); // and the other node follows
+/// ```
 pub trait Constraint {
     /// Makes accelerations respect it.
     fn accelerations(&self, a: &mut [Vec3]);

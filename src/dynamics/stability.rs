@@ -27,6 +27,22 @@ const REFINEMENTS: usize = 4;
 /// λ² − (2 − hd − h²κ)λ + 1 − hd = 0, d = yᵀD̃y, κ = yᵀK̃y. Both roots stay in the unit circle up to
 /// the h at which λ = −1, that is where the largest eigenvalue of 2hD̃ + h²K̃ reaches 4. For
 /// D̃ = (c/k)K̃ this is h = 2(√(1 + ζ²) − ζ)/ω_max with ζ = cω_max/2k.
+///
+/// ```
+/// use stickslip::{Vec3, dynamics::stability::explicit_step_limit, model::springs::{Spring, Springs}};
+///
+/// let limit = |stiffness: f64, damping: f64| {
+///     let spring = Spring { nodes: [0, 1], stiffness, damping, rest_length: 1.0 };
+///     let springs = Springs::new(2, &[spring]);
+///     explicit_step_limit(&springs, &[Vec3::zeros(), Vec3::x()], &[0.0, 100.0], 0.0) // 10 g on a wall
+/// };
+/// let omega = (100.0_f64 / 0.01).sqrt();
+/// assert!((limit(100.0, 0.0).omega / omega - 1.0).abs() < 1e-6);
+/// assert!((limit(100.0, 0.0).step * omega / 2.0 - 1.0).abs() < 1e-6); // h = 2/ω
+/// let zeta = 0.5 * omega / (2.0 * 100.0); // c = 0.5 N·s/m
+/// let damped = 2.0 * ((1.0 + zeta * zeta).sqrt() - zeta) / omega;
+/// assert!((limit(100.0, 0.5).step / damped - 1.0).abs() < 1e-6);
+/// ```
 pub fn explicit_step_limit(springs: &Springs, x: &[Vec3], inverse_mass: &[f64], drag: f64) -> StepLimit {
     let pencil = Pencil::new(springs, x, inverse_mass, drag);
     // Starting from the stiffest mode, each refinement weighs damping by the step found last.

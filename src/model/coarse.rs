@@ -4,6 +4,23 @@ use crate::Vec3;
 
 /// A box of equal cells around the rest positions. Cells touch the bounding box on every side, so that
 /// each has nodes on its outer faces.
+///
+/// ```
+/// use stickslip::{Vec3, model::coarse::Grid};
+///
+/// // A linear field on the grid's vertices is interpolated exactly at every node.
+/// let node = |i| Vec3::new((1.3 * f64::from(i)).sin(), (0.7 * f64::from(i)).cos(), 0.0);
+/// let rest: Vec<Vec3> = (0..60).map(node).collect();
+/// let grid = Grid::new(&rest, 0.4);
+/// let field = |x: Vec3| 3.0 * x.x - 2.0 * x.y + 0.5;
+/// for (node, &x) in (0..).zip(&rest) {
+///     let (cell, weights) = grid.place(node);
+///     let corners = grid.corners(cell).into_iter().zip(weights);
+///     let interpolated: f64 = corners.map(|(vertex, weight)| weight * field(grid.position(vertex))).sum();
+///     assert!((interpolated - field(x)).abs() < 1e-13);
+/// }
+/// assert_eq!(grid.vertex_count(), 6 * 6 * 2); // five cells along x and y, one across
+/// ```
 #[derive(Debug, Clone)]
 pub struct Grid {
     origin: Vec3,

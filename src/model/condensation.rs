@@ -127,6 +127,28 @@ pub struct CondensedSize {
 }
 
 /// Condenses the exterior of one patch after the other.
+///
+/// ```
+/// use stickslip::model::condensation::{Condensation, Condenser, Outcome, Reach};
+/// use stickslip::model::springs::TangentKind;
+/// use stickslip::{pipeline::Simulation, scene::Scene};
+///
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// let simulation = Simulation::prepare(&scene)?;
+/// let (network, patch) = (simulation.network(), &simulation.local().model().patch);
+/// let mut condenser = Condenser::new(network, Condensation { tangent: TangentKind::Exact, reach: Reach::All });
+/// let condensed = condenser.condense(network, patch, &network.rest);
+/// assert_eq!((condensed.outcome, condenser.counts().models), (Outcome::AsAsked, 1));
+///
+/// // An exterior that follows takes load off the patch, and never more than it carried: C is positive semidefinite.
+/// let c = condensed.stiffness.expect("it is as asked");
+/// assert_eq!(c.nrows(), 3 * patch.len());
+/// assert!((&c - c.transpose()).amax() < 1e-9);
+/// assert!(c.symmetric_eigenvalues().min() > -1e-9);
+/// let free = network.fixed.iter().filter(|&&fixed| !fixed).count();
+/// assert_eq!(condensed.size.nodes, free - patch.len());
+/// # Ok::<(), stickslip::scene::SceneError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Condenser {
     settings: Condensation,

@@ -17,6 +17,30 @@ const PANEL: usize = 24;
 /// \[K D\] is stored in panels of 24 rows, each column by column, so that the product
 /// streams through memory once and the compiler can vectorise over rows. Without dampers and drag
 /// there is no D.
+///
+/// ```
+/// use stickslip::model::{linearization::LinearForces, springs::TangentKind};
+/// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
+///
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// let (_, local) = Simulation::prepare(&scene)?.into_sides();
+/// let (patch, mut x, v) = (&local.model().patch, local.state().x.clone(), local.state().v.clone());
+/// let linear = LinearForces::new(patch, &[], &x, &v, None, TangentKind::Exact);
+/// let dof = 3 * patch.len();
+/// assert_eq!(linear.offset_len(), 2 * dof); // there are dampers, hence a D
+/// assert!((0..dof).all(|i| (0..i).all(|j| linear.entry(i, j) == linear.entry(j, i)))); // K is symmetric
+///
+/// // One evaluation, and then one more node moved.
+/// let (mut offset, mut f) = (vec![0.0; linear.offset_len()], vec![Vec3::zeros(); x.len()]);
+/// linear.evaluate(0.0, &x, &v, &mut offset, &mut f);
+/// let delta = Vec3::new(1e-4, 0.0, -2e-4);
+/// linear.add_displacement(3, delta, &mut f);
+/// let mut all = f.clone();
+/// x[3] += delta;
+/// linear.evaluate(0.0, &x, &v, &mut offset, &mut all);
+/// assert!(f.iter().zip(&all).take(patch.len()).all(|(a, b)| (a - b).norm() < 1e-13));
+/// # Ok::<(), stickslip::scene::SceneError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct LinearForces {
     /// 3m.
@@ -93,6 +117,21 @@ impl LinearForces {
     }
 
     /// C(x − x₀) alone: what a condensed exterior adds to springs that stay nonlinear.
+    ///
+    /// ```
+    /// use nalgebra::DMatrix;
+    /// use stickslip::{Vec3, model::linearization::LinearForces};
+    ///
+    /// // Two nodes, each held by what follows it with 10 N/m; then another 5 N/m come in.
+    /// let x0 = [Vec3::zeros(), Vec3::x()];
+    /// let mut forces = LinearForces::following(&x0, &(DMatrix::identity(6, 6) * -10.0));
+    /// forces.add_stiffness(&(DMatrix::identity(6, 6) * -5.0));
+    /// assert_eq!((forces.entry(3, 3), forces.entry(3, 0)), (-15.0, 0.0));
+    /// let (x, v) = ([Vec3::zeros(), Vec3::x() * 1.1], [Vec3::zeros(); 2]);
+    /// let (mut offset, mut f) = (vec![0.0; forces.offset_len()], [Vec3::zeros(); 2]);
+    /// forces.evaluate(0.0, &x, &v, &mut offset, &mut f);
+    /// assert!((f[1].x + 15.0 * 0.1).abs() < 1e-12 && f[0] == Vec3::zeros());
+    /// ```
     pub fn following(x0: &[Vec3], c: &DMatrix<f64>) -> Self {
         let dof = c.nrows();
         let mut forces = Self {

@@ -95,6 +95,35 @@ enum Motion {
 }
 
 /// The constant model of one cycle. Times are seconds since the state it was built from.
+///
+/// ```
+/// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
+///
+/// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
+/// let (_, local) = Simulation::prepare(&scene)?.into_sides();
+/// let (model, mut state) = (local.model(), local.state().clone());
+/// model.evaluate_forces(0.0, &mut state);
+/// assert!(state.f[..model.patch.len()].iter().all(|f| f.norm() < 1e-12)); // at rest
+///
+/// // A node moved by 1 µm: the change of the forces is a column of K, and ½δᵀKδ is stored.
+/// let moved = Vec3::z() * 1e-6;
+/// state.x[0] += moved;
+/// model.update_forces(0.0, &mut state, [(0, moved)].into_iter());
+/// let updated = state.f[0];
+/// model.evaluate_forces(0.0, &mut state);
+/// assert!((updated - state.f[0]).norm() < 1e-15);
+/// let k = model.linear_forces().expect("the scene says tangent").entry(2, 2);
+/// assert!((state.f[0].z / (k * 1e-6) - 1.0).abs() < 1e-9 && k < 0.0);
+/// assert!((model.elastic_energy(&state.x) / (-0.5 * k * 1e-12) - 1.0).abs() < 1e-3);
+/// assert_eq!(model.reach(&state.x, 0.0), (state.x[0] - model.patch.rest[0]).norm());
+/// assert_eq!((model.drift(1.0), model.gravitational_energy(&state.x)), (0.0, 0.0)); // fixed exterior, no gravity
+///
+/// // Its kinetic energy goes into dampers.
+/// state.v[0] = Vec3::z();
+/// assert_eq!(model.kinetic_energy(&state.v), 0.5 * model.patch.mass[0]);
+/// assert!(model.dissipated_power(&state.x, &state.v) > 0.0);
+/// # Ok::<(), stickslip::scene::SceneError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct LocalModel {
     /// Nodes and springs.
@@ -125,6 +154,24 @@ enum LocalForces {
 }
 
 /// What moves: one entry per patch slot, then one per boundary slot.
+///
+/// ```
+/// use stickslip::{Vec3, model::patch::Extent, pipeline::Simulation, scene::Scene};
+///
+/// // A larger patch takes over from a smaller one: nodes of both go on from where they are.
+/// let mut scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
+/// let (_, before) = Simulation::prepare(&scene)?.into_sides();
+/// scene.local.extent = Extent::Rings(2);
+/// let (_, after) = Simulation::prepare(&scene)?.into_sides();
+/// let (small, large) = (&before.model().patch, &after.model().patch);
+/// let (mut left, mut taken) = (before.state().clone(), after.state().clone());
+/// left.x[5] += Vec3::z() * 1e-3;
+/// taken.carry_over(large, &left, small);
+/// let slot = large.nodes.iter().position(|&node| node == small.nodes[5]).expect("it is in both");
+/// assert_eq!(taken.x[slot], left.x[5]);
+/// assert!(large.nodes.iter().zip(&taken.x).filter(|(_, x)| **x == left.x[5]).count() == 1);
+/// # Ok::<(), stickslip::scene::SceneError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct LocalState {
     /// Positions, m.
@@ -148,6 +195,39 @@ pub struct LocalState {
 }
 
 /// Builds local models of one network.
+///
+/// ```
+/// use std::sync::Arc;
+/// use stickslip::contact::surface::ContactGeometry;
+/// use stickslip::model::local::{ExteriorKind, Linearization, LocalModelBuilder, LocalSettings};
+/// use stickslip::model::{patch::Extent, springs::TangentKind, step::LocalIntegrator};
+/// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
+///
+/// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
+/// let simulation = Simulation::prepare(&scene)?;
+/// let (network, surface) = (simulation.network(), Arc::new(simulation.surface().clone()));
+/// let settings = LocalSettings {
+///     extent: Extent::Rings(2),
+///     linearization: Linearization::Tangent(TangentKind::Exact),
+///     exterior: ExteriorKind::Drifting,
+/// };
+/// let mut builder = LocalModelBuilder::new(network, surface, ContactGeometry::Faceted, settings)
+///     .with_integrator(LocalIntegrator::ImplicitEuler, scene.tick);
+///
+/// // The whole network sinks with 10 mm/s: so does the exterior of its model.
+/// let mut sinking = network.rest_state();
+/// sinking.v.fill(Vec3::new(0.0, 0.0, -0.01));
+/// let (model, mut state) = builder.build(network, &sinking, Vec3::zeros(), None)?;
+/// assert!((model.drift(0.1) - 0.001).abs() < 1e-15);
+/// let boundary = model.patch.len();
+/// model.place_boundary(0.1, &mut state.x);
+/// assert!((state.x[boundary].z - (network.rest[model.patch.node(boundary) as usize].z - 0.001)).abs() < 1e-15);
+/// let step = model.step.as_ref().expect("an implicit step is prepared with the model");
+/// model.predict(step, 0.0, &mut state);
+/// assert!(state.v_predicted[..boundary].iter().all(|v| (v.z + 0.01).abs() < 1e-9)); // and nothing is stretched
+/// assert!(builder.condensation().is_none());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct LocalModelBuilder {
     settings: LocalSettings,
@@ -278,6 +358,21 @@ impl LocalModel {
     ///
     /// # Errors
     /// If the integrator's equations have no solution.
+    ///
+    /// ```
+    /// use stickslip::{Vec3, model::step::LocalIntegrator, pipeline::Simulation, scene::Scene};
+    ///
+    /// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
+    /// let (_, local) = Simulation::prepare(&scene)?.into_sides();
+    /// let (model, mut state) = (local.model().clone(), local.state().clone());
+    /// state.v[0] = Vec3::z();
+    /// // A second in one tick: implicit Euler brings it to rest where an explicit step would have thrown it away.
+    /// let (model, mut state) = model.integrated(state, LocalIntegrator::ImplicitEuler, 1.0)?;
+    /// let step = model.step.as_ref().expect("it has one now");
+    /// model.predict(step, 0.0, &mut state);
+    /// assert!(model.kinetic_energy(&state.v_predicted) < 1e-6 * model.kinetic_energy(&state.v));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn integrated(
         mut self,
         mut state: LocalState,

@@ -59,6 +59,29 @@ impl Patch {
 
 /// Selects patches. Beyond the patch itself a selection costs a look at every surface vertex: to find
 /// the nearest, and to say which are in.
+///
+/// ```
+/// use stickslip::model::patch::{Extent, OUTSIDE, PatchSelector};
+/// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
+///
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// let simulation = Simulation::prepare(&scene)?;
+/// let (network, surface) = (simulation.network(), simulation.surface());
+/// let mut selector = PatchSelector::new(network, surface);
+/// let mut select = |extent| selector.select(network, surface, &network.rest, Vec3::zeros(), &[], extent);
+///
+/// // One ring around a node in the middle of the top: 8 neighbours in its layer and 5 in the next (shear springs).
+/// let ring = select(Extent::Rings(1));
+/// assert_eq!(ring.len(), 1 + 8 + 5);
+/// assert!(ring.boundary.iter().all(|node| !ring.nodes.contains(node)));
+/// assert_eq!(ring.node(ring.len()), ring.boundary[0]); // slots go on with the boundary
+/// assert_eq!(ring.vertex_slot.iter().filter(|&&slot| slot != OUTSIDE).count(), 9);
+/// // All of it is what can move.
+/// let all = select(Extent::All);
+/// assert_eq!(all.len(), network.fixed.iter().filter(|&&fixed| !fixed).count());
+/// assert!(!all.is_empty() && all.centre.is_none());
+/// # Ok::<(), stickslip::scene::SceneError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct PatchSelector {
     slot: Vec<u32>,

@@ -56,6 +56,39 @@ impl LocalIntegrator {
 }
 
 /// One tick of a linear model over its m nodes.
+///
+/// ```
+/// use stickslip::contact::operators::{Metric, Support};
+/// use stickslip::model::step::{ContactResponse, LinearStep, LocalIntegrator};
+/// use stickslip::{Mat3, Vec3, pipeline::Simulation, scene::Scene};
+///
+/// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
+/// let (_, local) = Simulation::prepare(&scene)?.into_sides();
+/// let (patch, state) = (&local.model().patch, local.state());
+/// let forces = local.model().linear_forces().expect("the scene says tangent");
+/// assert_eq!(LocalIntegrator::ALL[0].name(), "semi-implicit-euler");
+/// assert!(LinearStep::new(LocalIntegrator::SemiImplicitEuler, forces, &patch.mass, 1e-3)?.is_none());
+/// let step = LinearStep::new(LocalIntegrator::ImplicitEuler, forces, &patch.mass, 1e-3)?.expect("it is implicit");
+/// assert!(step.dissipates() && step.products() == 1);
+///
+/// // At rest it stays at rest.
+/// let (mut x, mut v, mut offset) = (state.x.clone(), state.v.clone(), vec![0.0; step.offset_len()]);
+/// step.predict(0.0, [&state.x, &state.v], &mut offset, [&mut x, &mut v]);
+/// assert!(v.iter().all(|v| v.norm() < 1e-12));
+///
+/// // An impulse of 1 mN·s on one node moves it by G Λ; G is definite, and less than that of the mass alone.
+/// let mut support = Support::with_capacity(1);
+/// support.set(Metric::Mass, [(0, 1.0, patch.inverse_mass[0])]);
+/// let mut response = ContactResponse::new(patch.len());
+/// step.respond(&support, &mut response);
+/// let [g, _] = response.at_contact(&support);
+/// let impulse = Vec3::z() * 1e-3;
+/// let before = v[0];
+/// response.push([Vec3::zeros(), impulse], &mut x, &mut v);
+/// assert!((v[0] - before - g * impulse).norm() < 1e-15);
+/// assert!(g.cholesky().is_some() && (Mat3::identity() * patch.inverse_mass[0] - g).cholesky().is_some());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct LinearStep {
     /// v* of (x, v, t).

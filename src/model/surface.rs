@@ -48,6 +48,25 @@ pub enum SurfaceError {
 
 /// Oriented triangle surface with adjacency. Its *vertices* are the nodes that lie on it, numbered
 /// compactly in ascending node order.
+///
+/// ```
+/// use stickslip::model::{mesh::{Block, Stencil}, surface::{Surface, SurfaceError}};
+///
+/// let mut cube = Block { nodes: [2, 2, 2], spacing: 0.01, stencil: Stencil::Full }.mesh();
+/// let surface = Surface::new(&cube)?;
+/// assert!(surface.is_closed());
+/// let (vertices, triangles) = (surface.vertex_node.len(), surface.triangles.len());
+/// assert_eq!(vertices - 3 * triangles / 2 + triangles, 2); // Euler's formula
+/// assert_eq!((0..8).map(|vertex| surface.incident(vertex).len()).sum::<usize>(), 3 * triangles);
+/// assert_eq!(surface.triangle_nodes(5), cube.triangles[5]);
+/// let across = surface.neighbors[5][0].expect("it is closed") as usize;
+/// assert!(surface.neighbors[across].contains(&Some(5)));
+///
+/// // A triangle that is seen from inside makes it no surface.
+/// cube.triangles[5].swap(1, 2);
+/// assert!(matches!(Surface::new(&cube), Err(SurfaceError::NotManifold { .. })));
+/// # Ok::<(), SurfaceError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Surface {
     /// Node of each vertex, ascending.

@@ -5,6 +5,16 @@ use std::ops::Add;
 use serde::Serialize;
 
 /// Counts that depend on the scene and the program alone, never on the machine.
+///
+/// ```
+/// use stickslip::model::work::WorkCounts;
+///
+/// let tick = WorkCounts { tick_springs: 1000, triangles_tested: 8, ..WorkCounts::default() };
+/// let cycle = WorkCounts { models_built: 1, ..WorkCounts::default() };
+/// let both = tick + cycle;
+/// assert_eq!((both.tick_springs, both.models_built), (1000, 1));
+/// assert_eq!(both.named()[0], ("tick_springs", 1000));
+/// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct WorkCounts {
     /// Springs evaluated by ticks.

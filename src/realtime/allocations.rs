@@ -14,6 +14,20 @@ thread_local! {
 static COUNTS: AtomicBool = AtomicBool::new(false);
 
 /// The system's allocator, with a count of its calls by thread.
+///
+/// ```
+/// use std::hint::black_box;
+/// use stickslip::realtime::allocations::{Counting, on_this_thread};
+///
+/// #[global_allocator]
+/// static ALLOCATOR: Counting = Counting;
+///
+/// let before = on_this_thread().expect("the allocator counts");
+/// let samples = black_box(vec![1.0; 100]);
+/// assert_eq!(on_this_thread(), Some(before + 1));
+/// drop(samples);
+/// assert_eq!(on_this_thread(), Some(before + 2)); // freeing counts too
+/// ```
 #[derive(Debug, Default)]
 pub struct Counting;
 

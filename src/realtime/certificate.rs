@@ -143,6 +143,46 @@ pub struct MissRate {
 }
 
 /// `certificate.json`.
+///
+/// A judgement of ten ticks, one of which was woken too late:
+///
+/// ```
+/// use stickslip::realtime::certificate::{Certificate, Circumstances, Verdict};
+/// use stickslip::realtime::meter::{Meter, TickTimes};
+/// use stickslip::realtime::threads::{Obtained, Served, Window};
+/// # use stickslip::realtime::machine::Machine;
+/// # use stickslip::timeline::OverrunPolicy;
+/// # use stickslip::verify::lateness::{Consequence, Consequences};
+/// use stickslip::verify::certificate::causes::Cause;
+///
+/// let mut meter = Meter::new(10, 500_000);
+/// let usual = TickTimes { response_ns: 60_000, compute_ns: 50_000, cpu_ns: 50_000, ..TickTimes::default() };
+/// for tick in 0..9 {
+///     meter.tick(TickTimes { tick, ..usual }, tick * 1_000_000);
+/// }
+/// meter.tick(TickTimes { tick: 9, release_ns: 900_000, response_ns: 950_000, ..usual }, 9_000_000);
+/// # let (passes, stopped, fault) = (vec![], false, None);
+/// # let window = Window { allocations: Some(0), end_ns: 10_000_000, ..Window::default() };
+/// # let obtained = Obtained { policy: "SCHED_FIFO", priority: 80,
+/// #     cpus: vec![0], memory_locked: true, refused: vec![] };
+/// let served = Served { passes, meter, window, obtained, stopped, fault };
+/// # let overrun = OverrunPolicy::Hold;
+/// # let on_time = Consequence {
+/// #     overrun, share: 0.0, missed_ticks: [0; 2], force_error_rms_rel: Some(0.0), largest_jump_n: 0.0,
+/// #     contact_losses: 0, energy_given_j: 0.0, fault: None,
+/// # };
+/// # let consequences = Consequences { late_tick_ticks: 1.5, on_time, late: vec![] };
+/// # let circumstances = Circumstances {
+/// #     scene: "example".into(), rate_hz: 1e3, overrun, load: "none".into(), steal: vec![],
+/// #     machine: Machine::describe(0), replayed: true, worst: vec![], consequences,
+/// # };
+/// let certificate = Certificate::new(&served, circumstances);
+/// // The program was never slow, but that is not known of ten ticks. The deadline was missed all the same.
+/// assert_eq!(certificate.compute.verdict, Verdict::Inconclusive);
+/// assert_eq!(certificate.platform.verdict, Verdict::Fail);
+/// assert_eq!(certificate.platform.causes[&Cause::Release], 1);
+/// assert_eq!(certificate.verdict(), Verdict::Fail);
+/// ```
 #[derive(Debug, Clone, Serialize)]
 pub struct Certificate {
     /// Of the program.

@@ -78,6 +78,34 @@ pub struct GlobalEnd {
 }
 
 /// A pair of ends for cycles of so many ticks and a first model of these nodes. Without anything to keep, nothing goes up.
+///
+/// ```
+/// use stickslip::{pipeline::Simulation, realtime::channel::channel, scene::Scene, timeline::Fate};
+///
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// let simulation = Simulation::prepare(&scene)?;
+/// let keep = simulation.keeps();
+/// let (mut servo, mut global) = simulation.into_loops();
+/// let (mut servo_end, mut global_end) = channel(100, keep, &servo.local().model().patch.nodes);
+///
+/// // Up: the path of one cycle, tick by tick.
+/// servo_end.begin_pass(0, &servo);
+/// for _ in 0..100 {
+///     servo.tick(Fate::OnTime)?;
+///     servo_end.end_tick(&servo);
+/// }
+/// assert_eq!(global_end.pass_waiting(), Some(0));
+/// let (boundary, cycle) = global_end.next_cycle().expect("a whole cycle has come up");
+/// assert_eq!((boundary, cycle.tip, servo_end.lost()), (100, servo.tip(), 0));
+///
+/// // Down: the model that is built from it.
+/// global_end.send(boundary, global.next_model([cycle], &mut |_| ()));
+/// assert_eq!(servo_end.take_model(&mut servo), Ok(Some(100)));
+/// servo_end.begin_segment(&servo);
+/// assert_eq!(servo.local().model_age(), 0);
+/// assert_eq!(servo_end.take_model(&mut servo), Ok(None)); // once
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn channel(cycle_ticks: u64, keep: Option<Keep>, first_nodes: &[u32]) -> (ServoEnd, GlobalEnd) {
     // Every tick may also begin a segment.
     let records = 2 * CYCLES_IN_RING * cycle_ticks as usize;

@@ -6,6 +6,17 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
 /// What else the machine does.
+///
+/// ```
+/// use stickslip::realtime::load::Load;
+///
+/// let threads = || std::fs::read_dir("/proc/self/task").map(|tasks| tasks.count());
+/// let before = threads()?;
+/// let load = Load::Cpu.start(2);
+/// assert_eq!(threads()?, before + 2);
+/// drop(load); // ends them
+/// # Ok::<(), std::io::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Load {
     /// Nothing of ours.

@@ -9,6 +9,14 @@ use sha2::{Digest, Sha256};
 const FEATURES: [&str; 6] = ["sse2", "sse4_2", "avx", "avx2", "fma", "avx512f"];
 
 /// What is known of the machine. What it does not tell is absent.
+///
+/// ```
+/// use stickslip::realtime::machine::Machine;
+///
+/// let machine = Machine::describe(0);
+/// assert!(machine.program_sha256.is_some_and(|digits| digits.len() == 64)); // of the program that runs
+/// assert!(machine.kernel.is_some_and(|version| version.starts_with("Linux")));
+/// ```
 #[derive(Debug, Clone, Serialize)]
 pub struct Machine {
     /// Release and build of the kernel; says `PREEMPT_RT` where it is one.
@@ -70,6 +78,13 @@ fn program_sha256() -> Option<String> {
 }
 
 /// Time that the hypervisor has taken from all CPUs so far, in ticks of the kernel's accounting (10 ms as a rule).
+///
+/// ```
+/// use stickslip::realtime::machine::stolen;
+///
+/// let before = stolen();
+/// assert!(stolen() >= before); // a count; on a machine of one's own it stays 0
+/// ```
 pub fn stolen() -> Option<u64> {
     // cpu user nice system idle iowait irq softirq steal …
     line("/proc/stat")?.split_whitespace().nth(8)?.parse().ok()

@@ -64,6 +64,20 @@ pub struct Block {
 }
 
 /// A distribution of times, with its exact maximum.
+///
+/// ```
+/// use stickslip::realtime::meter::{Meter, TickTimes};
+///
+/// let mut meter = Meter::new(1000, 1_000_000);
+/// for tick in 1..=1000 {
+///     meter.tick(TickTimes { tick, compute_ns: tick * 1000, ..TickTimes::default() }, 0);
+/// }
+/// let compute = &meter.compute; // 1 µs, 2 µs, … 1 ms
+/// assert_eq!((compute.count(), compute.max_ns()), (1000, 1_000_000));
+/// assert!((compute.quantile_ns(0.99) as f64 / 990_000.0 - 1.0).abs() < 1e-3); // three digits
+/// let (_, share) = compute.tail()[0];
+/// assert_eq!(share, 1.0); // all take as long as the shortest, or longer
+/// ```
 #[derive(Debug, Clone)]
 pub struct Times {
     histogram: Histogram<u64>,
@@ -110,6 +124,31 @@ impl Times {
 }
 
 /// Everything that is measured.
+///
+/// ```
+/// use stickslip::realtime::{meter::{Meter, TickTimes}, os::Usage};
+///
+/// let mut meter = Meter::new(1000, 300_000); // a deadline of 300 µs
+/// meter.begin(Usage::of_this_thread());
+/// for tick in 0..997 {
+///     let times = TickTimes { tick, response_ns: 100_000 + tick, ..TickTimes::default() };
+///     assert!(meter.tick(times, tick * 1_000_000));
+///     meter.control(Some((2_000, 3_000)));
+/// }
+/// // A tick that takes 2.2 ms, so that two are left out.
+/// let late = TickTimes { tick: 997, response_ns: 2_200_000, cpu_ns: 2_100_000, ..TickTimes::default() };
+/// assert!(!meter.tick(late, 997_000_000));
+/// meter.skip();
+/// meter.skip();
+/// meter.control(None); // its release had passed as well
+/// assert_eq!((meter.ticks(), meter.missed(), meter.skipped(), meter.longest_run()), (998, 1, 2, 3));
+/// assert_eq!(meter.control_missed(), (0, 1));
+/// assert_eq!((meter.misses()[0].times, meter.misses()[0].follows), (late, false));
+/// assert_eq!((meter.worst_by_response()[0], meter.worst_by_cpu()[0]), (late, late));
+/// assert_eq!(meter.response.max_ns(), meter.worst_by_response()[0].response_ns);
+/// assert_eq!(meter.blocks().iter().map(|block| block.misses).sum::<u64>(), 1);
+/// assert_eq!(meter.deadline_ns(), 300_000);
+/// ```
 #[derive(Debug, Clone)]
 pub struct Meter {
     /// From a scheduled release to the tick's begin.

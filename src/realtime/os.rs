@@ -14,16 +14,40 @@ fn read(clock: libc::clockid_t) -> u64 {
 }
 
 /// `CLOCK_MONOTONIC`, ns.
+///
+/// ```
+/// use stickslip::realtime::os::now_ns;
+///
+/// let before = now_ns();
+/// assert!(now_ns() >= before); // it never goes back
+/// ```
 pub fn now_ns() -> u64 {
     read(libc::CLOCK_MONOTONIC)
 }
 
 /// CPU time of the calling thread, ns.
+///
+/// ```
+/// use stickslip::realtime::os::{now_ns, sleep_until_ns, thread_cpu_ns};
+///
+/// let (cpu, wall) = (thread_cpu_ns(), now_ns());
+/// sleep_until_ns(wall + 5_000_000);
+/// assert!(thread_cpu_ns() - cpu < now_ns() - wall); // who sleeps takes no CPU time
+/// ```
 pub fn thread_cpu_ns() -> u64 {
     read(libc::CLOCK_THREAD_CPUTIME_ID)
 }
 
 /// Sleeps until `CLOCK_MONOTONIC` says so, ns; not at all if it has.
+///
+/// ```
+/// use stickslip::realtime::os::{now_ns, sleep_until_ns};
+///
+/// let release = now_ns() + 1_000_000;
+/// sleep_until_ns(release);
+/// assert!(now_ns() >= release); // never too early
+/// sleep_until_ns(release); // and at once if that has passed
+/// ```
 pub fn sleep_until_ns(until: u64) {
     let time = libc::timespec {
         tv_sec: (until / 1_000_000_000) as libc::time_t,
@@ -43,6 +67,16 @@ fn done(result: libc::c_int) -> io::Result<()> {
 ///
 /// # Errors
 /// If it has no right to that.
+///
+/// ```
+/// use stickslip::realtime::os::{policy, request_fifo};
+///
+/// let before = policy();
+/// match request_fifo(10) {
+///     Ok(()) => assert_eq!(policy(), ("SCHED_FIFO", 10)),
+///     Err(_) => assert_eq!(policy(), before), // as for most users
+/// }
+/// ```
 pub fn request_fifo(priority: i32) -> io::Result<()> {
     let parameters = libc::sched_param { sched_priority: priority };
     // SAFETY: 0 is the calling thread; the parameters are ours.
@@ -72,6 +106,15 @@ pub fn policy() -> (&'static str, i32) {
 ///
 /// # Errors
 /// If it has no right to that.
+///
+/// ```
+/// use stickslip::realtime::os::{lock_memory, unlock_memory};
+///
+/// match lock_memory() {
+///     Ok(()) => unlock_memory(),
+///     Err(refused) => assert!(refused.raw_os_error().is_some()), // the system says why
+/// }
+/// ```
 pub fn lock_memory() -> io::Result<()> {
     // SAFETY: no pointers.
     done(unsafe { libc::mlockall(libc::MCL_CURRENT | libc::MCL_FUTURE) })
@@ -99,6 +142,16 @@ pub fn affinity() -> Vec<usize> {
 ///
 /// # Errors
 /// If none of them is there.
+///
+/// ```
+/// use stickslip::realtime::os::{affinity, pin};
+///
+/// let cpus = affinity();
+/// pin(&cpus[..1])?;
+/// assert_eq!(affinity(), cpus[..1]);
+/// assert!(pin(&[]).is_err()); // it has to run somewhere
+/// # Ok::<(), std::io::Error>(())
+/// ```
 pub fn pin(cpus: &[usize]) -> io::Result<()> {
     let mut set = MaybeUninit::<libc::cpu_set_t>::zeroed();
     // SAFETY: all zero is a valid set; indices beyond it are left out; its size is as said.
@@ -111,6 +164,14 @@ pub fn pin(cpus: &[usize]) -> io::Result<()> {
 }
 
 /// Counters of the calling thread since it began.
+///
+/// ```
+/// use stickslip::realtime::os::{Usage, now_ns, sleep_until_ns};
+///
+/// let before = Usage::of_this_thread();
+/// sleep_until_ns(now_ns() + 1_000_000);
+/// assert!(Usage::of_this_thread().since(before).voluntary_switches >= 1); // it gave the CPU up to sleep
+/// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Usage {
     /// Page faults that needed no reading, and that did.

@@ -14,6 +14,17 @@ use crate::session::{RecordedPass, Session};
 use crate::timeline::OverrunPolicy;
 
 /// Quantiles of a time, ns.
+///
+/// ```
+/// use stickslip::realtime::{meter::{Meter, TickTimes}, record::Quantiles};
+///
+/// let mut meter = Meter::new(100, 1_000_000);
+/// for tick in 1..=100 {
+///     meter.tick(TickTimes { tick, response_ns: tick, ..TickTimes::default() }, 0);
+/// }
+/// let quantiles = Quantiles::of(&meter.response); // 1, 2, … 100 ns
+/// assert_eq!((quantiles.p50, quantiles.p90, quantiles.p99, quantiles.max), (50, 90, 99, 100));
+/// ```
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Quantiles {
     /// Half of them are not longer.
@@ -132,6 +143,20 @@ pub enum RecordError {
 ///
 /// # Errors
 /// If the scene cannot start, or the loop left nothing.
+///
+/// ```
+/// use std::sync::atomic::AtomicBool;
+/// use stickslip::{realtime::record::record, scene::Scene, session::{Replayed, replay}};
+///
+/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// scene.tick_count = 40; // 40 ms
+/// let recorded = record(&scene, &AtomicBool::new(false))?;
+/// let (session, pass) = (&recorded.session, &recorded.session.passes[0]);
+/// assert_eq!((pass.ticks, recorded.summary.stopped), (40, false));
+/// // However it went on this machine, it went the same the second time.
+/// assert_eq!(replay(session.prepare(&scene, pass)?, pass, |_| ()), Replayed::Same { fault: None });
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn record(scene: &Scene, stop: &AtomicBool) -> Result<Recorded, RecordError> {
     let simulation = Simulation::prepare(scene)?;
     let warm_up = simulation.clone().into_loops().0;

@@ -96,6 +96,16 @@ pub struct LoopSettings {
 }
 
 /// What the servo thread had, as far as it was obtained.
+///
+/// ```
+/// use stickslip::realtime::threads::Obtained;
+///
+/// let mut obtained =
+///     Obtained { policy: "SCHED_OTHER", priority: 0, cpus: vec![0, 1], memory_locked: false, refused: vec![] };
+/// assert!(!obtained.is_realtime()); // any other program may take its CPU
+/// (obtained.policy, obtained.priority) = ("SCHED_FIFO", 80);
+/// assert!(obtained.is_realtime());
+/// ```
 #[derive(Debug, Clone, Serialize)]
 pub struct Obtained {
     /// Its scheduling policy.
@@ -170,6 +180,28 @@ pub enum NotServed {
 ///
 /// # Errors
 /// If there is no pass, or a thread panicked.
+///
+/// ```
+/// use std::sync::atomic::AtomicBool;
+/// use stickslip::realtime::record::{loop_settings, recorded_pass};
+/// use stickslip::realtime::threads::{Pass, serve};
+/// use stickslip::{pipeline::Simulation, scene::Scene};
+///
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// let simulation = Simulation::prepare(&scene)?;
+/// let settings = loop_settings(&scene, &simulation, false);
+/// let (warm_up, _) = simulation.clone().into_loops();
+/// // Twice the first 20 ticks, one after the other in the same beat.
+/// let passes = vec![Pass::new(simulation.clone(), 20, false), Pass::new(simulation, 20, false)];
+/// let served = serve(passes, warm_up, settings, &AtomicBool::new(false)).expect("there are passes");
+/// assert!(served.passes.iter().all(|pass| pass.ticks_done() == 20));
+/// assert_eq!(served.meter.ticks() + served.meter.skipped(), 40);
+/// assert!(served.window.end_ns - served.window.begin_ns > 38_000_000); // not faster than real time
+/// for (number, pass) in (0..).zip(served.passes) {
+///     assert_eq!(recorded_pass(number, pass).ticks, 20);
+/// }
+/// # Ok::<(), stickslip::scene::SceneError>(())
+/// ```
 pub fn serve(
     passes: Vec<Pass>,
     warm_up: Servo,

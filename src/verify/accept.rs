@@ -27,6 +27,26 @@ pub enum AcceptError {
 ///
 /// # Errors
 /// Without a reason, or if the present baseline cannot be read.
+///
+/// ```
+/// use stickslip::scene::Scene;
+/// use stickslip::verify::{accept::{AcceptError, accept}, baseline::Store};
+///
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// let present = Store::Program.load(&scene.name)?;
+/// let mut results = present.results.clone();
+/// // The same results again change nothing.
+/// assert_eq!(accept(Store::Program.load(&scene.name), &scene, results.clone(), "try")?, None);
+/// // Others come in with a reason, and what they replace stays on record.
+/// results.counts.insert("collisions".to_owned(), 99);
+/// let error = accept(Store::Program.load(&scene.name), &scene, results.clone(), " ");
+/// assert!(matches!(error, Err(AcceptError::NoReason)));
+/// let accepted = accept(Store::Program.load(&scene.name), &scene, results, "a bouncing tip")?;
+/// let last = accepted.and_then(|baseline| baseline.accepted.into_iter().last()).expect("it has changed");
+/// assert_eq!(last.reason, "a bouncing tip");
+/// assert_eq!(last.previous["collisions"], present.results.counts["collisions"]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn accept(
     present: Result<Baseline, BaselineError>,
     scene: &Scene,

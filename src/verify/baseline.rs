@@ -38,6 +38,16 @@ pub enum BaselineError {
 }
 
 /// What produced some results.
+///
+/// ```
+/// use stickslip::{scene::Scene, verify::baseline::Provenance};
+///
+/// let sliding = Provenance::of(&Scene::shipped("fig3-sliding").expect("shipped with the program"));
+/// let sticking = Provenance::of(&Scene::shipped("fig4-sticking").expect("shipped with the program"));
+/// assert_eq!(sliding.scene_sha256.len(), 64);
+/// assert_ne!(sliding.scene_sha256, sticking.scene_sha256); // another text
+/// assert_eq!(sliding.cpu_features, sticking.cpu_features); // the same machine
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Provenance {
@@ -80,6 +90,20 @@ pub struct Baseline {
 }
 
 /// Where baselines are.
+///
+/// ```
+/// use stickslip::verify::baseline::{BaselineError, Store};
+///
+/// let baseline = Store::Program.load("fig3-sliding")?;
+/// let folder = tempfile::tempdir()?;
+/// let file = baseline.save(folder.path())?;
+/// assert_eq!(file, Store::path(folder.path(), "fig3-sliding"));
+/// let store = Store::Folder(folder.path().to_owned());
+/// assert_eq!(store.load("fig3-sliding")?, baseline); // to the last bit
+/// // One that is not there is missing; none is made.
+/// assert!(matches!(store.load("fig4-sticking"), Err(BaselineError::Missing(_))));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Store {
     /// A file `<scene>.json` for each.

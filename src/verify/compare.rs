@@ -93,6 +93,25 @@ fn judge(baseline: f64, now: f64, tolerance: f64) -> Outcome {
 }
 
 /// Every quantity of a scene's results beside what was accepted.
+///
+/// ```
+/// use stickslip::verify::{baseline::Store, compare::{Outcome, compare}, results::Number};
+///
+/// let baseline = Store::Program.load("fig3-sliding")?;
+/// let mut now = baseline.results.clone();
+/// assert!(compare(&baseline, &baseline.provenance, &now).iter().all(|each| each.outcome == Outcome::Identical));
+///
+/// // A last bit is round-off, a NaN is not.
+/// let force = now.summary["largest_force_n"].0;
+/// now.summary.insert("largest_force_n".to_owned(), Number(force * (1.0 + f64::EPSILON)));
+/// now.summary.insert("stored_j".to_owned(), Number(f64::NAN));
+/// let compared = compare(&baseline, &baseline.provenance, &now);
+/// let of = |name: &str| compared.iter().find(|each| each.quantity == name).expect("it is compared");
+/// assert_eq!(of("largest_force_n").outcome, Outcome::Within);
+/// assert!(of("largest_force_n").share_of_tolerance() < 1e-6);
+/// assert_eq!(of("stored_j").outcome, Outcome::Fail);
+/// # Ok::<(), stickslip::verify::baseline::BaselineError>(())
+/// ```
 pub fn compare(baseline: &Baseline, provenance: &Provenance, now: &Results) -> Vec<Comparison> {
     let before = &baseline.results;
     let sizes = Sizes::of(before);

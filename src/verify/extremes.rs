@@ -24,6 +24,21 @@ use crate::scene::{MeshSource, Scene, SceneError};
 const TUNNELLED_M: f64 = 1e-12;
 
 /// A scene in `fixtures/extremes/`.
+///
+/// ```
+/// use stickslip::verify::extremes::{EXTREMES, Expected, FaultKind, Got, Variant};
+///
+/// let extreme = EXTREMES.iter().find(|extreme| extreme.name == "stiffness-1e8").expect("it is one of them");
+/// // At 10⁸ N/m a tick of 1 ms is far beyond what an explicit step can do: the fail-safe has to end it.
+/// assert!(extreme.scene(Variant::AsGiven)?.material.stiffness >= 1e8);
+/// let expected = extreme.expected(Variant::AsGiven);
+/// assert!(matches!(expected, Expected::Fault(FaultKind::Runaway)));
+/// let got = extreme.run(Variant::AsGiven, &expected);
+/// assert!(expected.is_met_by(&got), "{got}");
+/// assert_eq!(got.name(), "fault");
+/// assert!(!expected.is_met_by(&Got::Hung) && Variant::ALL[0].name() != Variant::ALL[1].name());
+/// # Ok::<(), stickslip::scene::SceneError>(())
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Extreme {
     /// Its name.

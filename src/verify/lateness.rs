@@ -108,6 +108,21 @@ impl Run {
 ///
 /// # Errors
 /// If it cannot start.
+///
+/// ```
+/// use stickslip::{scene::Scene, verify::lateness::{SHARES, consequences}};
+///
+/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// scene.tick_count = 200;
+/// let consequences = consequences(&scene)?;
+/// assert_eq!(consequences.on_time.force_error_rms_rel, Some(0.0));
+/// assert_eq!(consequences.late.len(), 3 * SHARES.len()); // hold, zero, skip
+/// // Where every tenth force is zero instead, the hand feels it drop.
+/// let zero = consequences.late.iter().find(|each| each.overrun.name() == "zero" && each.share == 0.1);
+/// let zero = zero.expect("a policy that is looked at");
+/// assert!(zero.missed_ticks[0] > 0 && zero.largest_jump_n > consequences.on_time.largest_jump_n);
+/// # Ok::<(), stickslip::pipeline::RunError>(())
+/// ```
 pub fn consequences(scene: &Scene) -> Result<Consequences, RunError> {
     let latency = u64::from(scene.global.latency_ticks);
     let mut on_time = run(scene, Timeline::Ideal { latency })?;

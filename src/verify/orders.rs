@@ -74,6 +74,15 @@ impl Motion {
 }
 
 /// What is observed.
+///
+/// ```
+/// use stickslip::verify::orders::{Case, Motion};
+///
+/// let cases = Case::all();
+/// let free = cases.iter().filter(|case| matches!(case, Case::Local(_, _, Motion::Free))).count();
+/// assert_eq!(free, 4, "each local integrator once: without a contact there is no scheme to vary");
+/// assert_eq!(Motion::StickingUndamped.name(), "sticking, undamped");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Case {
     /// The local model.
@@ -137,6 +146,17 @@ pub struct ObservedOrder {
 ///
 /// # Errors
 /// If a run ends early.
+///
+/// ```
+/// use stickslip::dynamics::integrators::GlobalIntegrator;
+/// use stickslip::verify::orders::{Case, observe};
+///
+/// let observed = observe(Case::Global(GlobalIntegrator::SemiImplicitEuler))?;
+/// let order = observed.order.expect("its errors are more than rounding");
+/// assert!((order - 1.0).abs() < 0.1, "{order}");
+/// assert_eq!(observed.integrator, "global semi-implicit-euler");
+/// # Ok::<(), stickslip::verify::orders::OrderError>(())
+/// ```
 pub fn observe(case: Case) -> Result<ObservedOrder, OrderError> {
     let at = |divisor| match case {
         Case::Local(integrator, scheme, motion) => local_positions(integrator, scheme, motion, divisor),
@@ -168,6 +188,19 @@ pub fn observe(case: Case) -> Result<ObservedOrder, OrderError> {
 ///
 /// # Errors
 /// If the run ends early.
+///
+/// ```
+/// use stickslip::contact::{surface::ContactSurface, tick::Scheme};
+/// use stickslip::{scene::Scene, verify::{orders::momentum_defect, surfaces::whole}};
+///
+/// // A block that nothing holds, pushed away by the tip: action and reaction.
+/// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
+/// let mut scene = whole(&scene, ContactSurface::Faceted, Scheme::Velocity);
+/// scene.fixed.fill(false);
+/// scene.tick_count = 120;
+/// assert!(momentum_defect(&scene)? < 1e-11);
+/// # Ok::<(), stickslip::pipeline::RunError>(())
+/// ```
 pub fn momentum_defect(scene: &Scene) -> Result<f64, RunError> {
     let mut impulse = Vec3::zeros();
     let (mut largest, mut defect) = (0.0_f64, 0.0_f64);

@@ -13,6 +13,18 @@ pub const FEWEST_PAIRS: usize = 6;
 pub const MOST_PAIRS: usize = 1000;
 
 /// The median of a population, from a sample of it.
+///
+/// ```
+/// use stickslip::verify::paired::Median;
+///
+/// // Times with a change over times without it, from eight interleaved pairs.
+/// let slower = Median::of(&[1.04, 1.06, 1.05, 1.03, 1.07, 1.05, 1.04, 1.06]).expect("enough pairs");
+/// assert!(!slower.covers_one() && (slower.median - 1.05).abs() < 1e-15);
+/// assert!((slower.reach() - 0.07).abs() < 0.011);
+/// let same = Median::of(&[0.99, 1.01, 1.0, 0.98, 1.02, 1.0, 0.99, 1.01]).expect("enough pairs");
+/// assert!(same.covers_one());
+/// assert_eq!(Median::of(&[1.0; 5]), None); // whatever they are, five say too little
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Median {
     /// Of the sample.

@@ -33,6 +33,16 @@ pub const QUANTITIES: [&str; 12] = [
 pub const FORCES: usize = 5;
 
 /// A number that JSON writes as `null` where it is not finite.
+///
+/// ```
+/// use stickslip::verify::results::Number;
+///
+/// let written = serde_json::to_string(&[Number(0.1), Number(f64::NAN)])?;
+/// assert_eq!(written, "[0.1,null]");
+/// let read: Vec<Number> = serde_json::from_str(&written)?;
+/// assert!(read[0] == Number(0.1) && read[1].0.is_nan());
+/// # Ok::<(), serde_json::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Number(pub f64);
 
@@ -97,6 +107,23 @@ pub struct KeptTick {
 }
 
 /// What a run came to.
+///
+/// ```
+/// use stickslip::{scene::Scene, verify::results::Results};
+///
+/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// scene.tick_count = 150; // the tip comes down at 25 mm/s from 2 mm
+/// let mut results = Results::of(&scene, |_| ())?;
+/// assert_eq!((results.counts["free_ticks"], results.counts["collisions"]), (80, 1));
+/// assert_eq!(results.counts["free_ticks"] + results.counts["slide_ticks"], 150);
+/// assert_eq!(results.not_finite(), None);
+/// let normal_force = &results.statistics["fn"];
+/// assert_eq!(normal_force.named()[0], ("min", 0.0));
+/// assert!(normal_force.mean.0 <= normal_force.rms.0 && normal_force.rms.0 <= normal_force.max.0);
+/// results.trace[3].values[0].0 = f64::NAN;
+/// assert_eq!(results.not_finite(), Some(("fx".to_owned(), Some(60)))); // every 20th tick is kept
+/// # Ok::<(), stickslip::scene::SceneError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Results {

@@ -62,6 +62,14 @@ pub const EXTERIORS: [(&str, ExteriorKind); 2] = [
 ];
 
 /// What is varied; the rest is the scene's.
+///
+/// ```
+/// use stickslip::verify::stability_map::{Axis, EXTERIORS, points};
+///
+/// let values: usize = Axis::ALL.into_iter().map(|axis| axis.values().len()).sum();
+/// assert_eq!(points().len(), 4 * EXTERIORS.len() * values); // four integrators
+/// assert_eq!(Axis::Stiffness.name(), "stiffness (N/m)");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Axis {
@@ -183,6 +191,21 @@ pub enum MapError {
 ///
 /// # Errors
 /// If the scene's tip does not start above a patch that can be pressed.
+///
+/// ```
+/// use stickslip::model::step::LocalIntegrator;
+/// use stickslip::scene::Scene;
+/// use stickslip::verify::stability_map::{Axis, EXTERIORS, MapPoint, boundaries};
+///
+/// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
+/// let integrator = LocalIntegrator::SemiImplicitEuler;
+/// let point = MapPoint { integrator, exterior: EXTERIORS[0], axis: Axis::DampingRatio, value: 0.0 };
+/// let [free, _] = boundaries(&scene, &point)?;
+/// // An explicit step is stable up to 2/ω, with a ring of nodes of 10 g on springs of 100 N/m; measured as predicted.
+/// let longest = free.measured_s.expect("it has a limit");
+/// assert!(free.agrees && longest > 2e-3 && longest < 2e-2);
+/// # Ok::<(), stickslip::verify::stability_map::MapError>(())
+/// ```
 pub fn boundaries(scene: &Scene, point: &MapPoint) -> Result<[Boundary; 2], MapError> {
     let model = Subject::new(scene, point)?;
     // The fastest undamped mode turns by less than a radian: half the limit of an explicit step.

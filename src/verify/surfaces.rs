@@ -76,6 +76,18 @@ pub struct Felt {
 
 /// Every combination over one mesh. `refinement` divides the drag's block further, with the same material:
 /// stiffness as the spacing, masses as its cube, and the damping ratio kept.
+///
+/// ```
+/// use stickslip::verify::surfaces::{DRAGS, SCHEMES, SURFACES, grid};
+///
+/// let (coarse, fine) = (grid(1), grid(2));
+/// assert_eq!(coarse.len(), DRAGS.len() * SURFACES.len() * SCHEMES.len());
+/// assert_eq!(fine[0].spacing_m, coarse[0].spacing_m / 2.0);
+/// // The same body in finer pieces: an eighth of the mass per node, springs half as stiff.
+/// let [coarse, fine] = [&coarse[0], &fine[0]].map(|each| &each.scene.material);
+/// assert_eq!(fine.node_mass[0], coarse.node_mass[0] / 8.0);
+/// assert_eq!(fine.stiffness, coarse.stiffness / 2.0);
+/// ```
 pub fn grid(refinement: usize) -> Vec<Combination> {
     let mut grid = Vec::new();
     for drag in DRAGS {
@@ -93,6 +105,17 @@ pub fn grid(refinement: usize) -> Vec<Combination> {
 }
 
 /// The same drag with the whole network at the haptic rate, over another surface with another scheme.
+///
+/// ```
+/// use stickslip::contact::{surface::ContactSurface, tick::Scheme};
+/// use stickslip::{pipeline::Simulation, scene::Scene, verify::surfaces::whole};
+///
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// let whole = whole(&scene, ContactSurface::Faceted, Scheme::Velocity);
+/// let free = whole.fixed.iter().filter(|&&fixed| !fixed).count();
+/// assert_eq!(Simulation::prepare(&whole)?.local().model().patch.len(), free); // every node that can move
+/// # Ok::<(), stickslip::scene::SceneError>(())
+/// ```
 pub fn whole(scene: &Scene, surface: ContactSurface, scheme: Scheme) -> Scene {
     let mut scene = scene.clone();
     (scene.local, scene.is_full, scene.integrator) = (LocalSettings::FULL, true, LocalIntegrator::SemiImplicitEuler);
@@ -122,6 +145,22 @@ fn refine(scene: &mut Scene, refinement: usize) {
 ///
 /// # Errors
 /// If the scene cannot start. A fault is part of the answer.
+///
+/// ```
+/// use stickslip::{scene::Scene, verify::surfaces::feel};
+///
+/// let felt = |name| {
+///     let scene = Scene::shipped(name).expect("shipped with the program");
+///     let mut done = 0;
+///     let felt = feel(&scene, |ticks| done = ticks);
+///     assert_eq!(done, scene.tick_count);
+///     felt
+/// };
+/// // From facet to facet the normal jumps, and the force with it.
+/// let (faceted, smooth) = (felt("fig3-sliding")?, felt("fig3-sliding-subdivision")?);
+/// assert!(smooth.jump_relative < faceted.jump_relative);
+/// # Ok::<(), stickslip::pipeline::RunError>(())
+/// ```
 pub fn feel(scene: &Scene, mut progress: impl FnMut(u64)) -> Result<Felt, RunError> {
     let settled = (SETTLED_S / scene.tick) as u64;
     let (mut forces, mut modes): (Vec<Vec3>, Vec<Mode>) = (Vec::new(), Vec::new());

@@ -89,6 +89,20 @@ pub enum ZWidthError {
 ///
 /// # Errors
 /// If the device cannot be simulated at this rate, or a number of the wall is negative or not finite.
+///
+/// ```
+/// use stickslip::device::phantom::PhantomSettings;
+/// use stickslip::verify::z_width::{QUIET_M, VirtualWall, touch};
+///
+/// let settings = PhantomSettings::default();
+/// let soft = VirtualWall { stiffness_n_per_m: 300.0, damping_n_s_per_m: 0.0 };
+/// let felt = touch(&settings, 1e3, &soft)?;
+/// assert!(felt.range_m <= QUIET_M && felt.depth_m > 0.0);
+/// // Between two ticks, a hard one gives out more energy than joints and hand take.
+/// let hard = VirtualWall { stiffness_n_per_m: 2e4, ..soft };
+/// assert!(touch(&settings, 1e3, &hard)?.range_m > QUIET_M);
+/// # Ok::<(), stickslip::verify::z_width::ZWidthError>(())
+/// ```
 pub fn touch(settings: &PhantomSettings, rate: f64, wall: &VirtualWall) -> Result<WallTouch, ZWidthError> {
     for (name, value) in
         [("the wall's stiffness (N/m)", wall.stiffness_n_per_m), ("the wall's damping (N·s/m)", wall.damping_n_s_per_m)]
@@ -130,6 +144,18 @@ impl VirtualWall {
 ///
 /// # Errors
 /// If the device cannot be simulated at this rate, or the damping is negative or not finite.
+///
+/// ```
+/// use stickslip::device::phantom::PhantomSettings;
+/// use stickslip::verify::z_width::{ZWidthError, wall_limit};
+///
+/// let limit = wall_limit(&PhantomSettings::default(), 1e3, 0.0)?;
+/// // What has to be passive is quiet; a hand makes a good deal more quiet than that.
+/// assert!(limit.agrees);
+/// assert!(limit.quiet_n_per_m.is_some_and(|quiet| quiet > limit.passive_n_per_m));
+/// assert!(matches!(wall_limit(&PhantomSettings::default(), 1e3, -1.0), Err(ZWidthError::Device(_))));
+/// # Ok::<(), ZWidthError>(())
+/// ```
 pub fn wall_limit(settings: &PhantomSettings, rate: f64, damping: f64) -> Result<WallLimit, ZWidthError> {
     let is_quiet = |stiffness: f64| -> Result<bool, ZWidthError> {
         let wall = VirtualWall { stiffness_n_per_m: stiffness, damping_n_s_per_m: damping };

@@ -8,6 +8,16 @@ pub const DERIVATIVES: usize = 6;
 
 /// Basis functions of some vertices at one point, with their derivatives by the weights β and γ of the
 /// second and third corner.
+///
+/// ```
+/// use stickslip::contact::subdivision::Jet;
+///
+/// // β² with its derivatives at β = 3, for β = 2b.
+/// let mut jet = Jet::zero(1);
+/// jet.entries_mut()[0] = [9.0, 6.0, 0.0, 2.0, 0.0, 0.0];
+/// jet.scale(2.0);
+/// assert_eq!(jet.entries(), [[9.0, 12.0, 0.0, 8.0, 0.0, 0.0]]); // (2b)², 8b, 8 at b = 1.5
+/// ```
 #[derive(Debug, Clone)]
 pub struct Jet {
     entries: [[f64; DERIVATIVES]; LARGEST_SUPPORT],

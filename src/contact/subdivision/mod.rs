@@ -30,6 +30,23 @@ const DEEPEST: usize = 48;
 const LIMIT_SQUARINGS: usize = 10;
 
 /// Tables of one surface. Constant; positions of the control vertices live elsewhere.
+///
+/// ```
+/// use stickslip::contact::subdivision::{LARGEST_SUPPORT, LimitSurface};
+/// use stickslip::model::{mesh::{Block, Stencil}, surface::Surface};
+///
+/// let mesh = Block { nodes: [9, 9, 4], spacing: 0.0125, stencil: Stencil::Shear }.mesh();
+/// let limit = LimitSurface::new(&Surface::new(&mesh)?)?;
+/// assert!(limit.largest_support() <= LARGEST_SUPPORT);
+///
+/// // In the middle of the top, where six triangles meet at every vertex, it is a box spline of twelve vertices.
+/// let jet = limit.jet(60, [0.2, 0.3, 0.5]);
+/// assert_eq!((limit.support(60).len(), jet.entries().len()), (12, 12));
+/// let sum = |derivative: usize| -> f64 { jet.entries().iter().map(|entry| entry[derivative]).sum() };
+/// assert!((sum(0) - 1.0).abs() < 1e-14); // a partition of unity,
+/// assert!((1..6).all(|derivative| sum(derivative).abs() < 1e-13)); // everywhere
+/// # Ok::<(), stickslip::model::surface::SurfaceError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct LimitSurface {
     /// Per triangle, where its support ends in `vertices`.

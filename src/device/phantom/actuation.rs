@@ -6,6 +6,30 @@ use super::kinematics::jacobian;
 use crate::Vec3;
 
 /// Motors, gears, encoders and limits.
+///
+/// ```
+/// use stickslip::Vec3;
+/// use stickslip::device::phantom::{actuation::ActuationSettings, kinematics::tip_force};
+///
+/// let motors = ActuationSettings::default();
+/// let home = Vec3::zeros();
+/// // Currents for 1 N up (the device's y), turned back into a force at the tip.
+/// let command = motors.command(&home, &Vec3::y());
+/// let felt = tip_force(&home, &motors.torque(&command.current));
+/// assert!(!command.is_limited && (felt - Vec3::y()).norm() < 1e-3); // 16 bits are fine enough
+/// assert_eq!(motors.current_step(), Some(5.5 / 32768.0));
+///
+/// // Beyond the published 8.5 N the force is scaled down; one that is not finite is none.
+/// let strong = motors.command(&home, &(Vec3::y() * 20.0));
+/// assert!(strong.is_limited);
+/// assert!(tip_force(&home, &motors.torque(&strong.current)).norm() <= 8.5);
+/// assert_eq!(motors.command(&home, &Vec3::repeat(f64::NAN)).current, Vec3::zeros());
+///
+/// // What the encoders tell is off by half a count at most.
+/// let angles = Vec3::new(0.1, 0.2, 0.3);
+/// let off = (motors.encode(&angles) - angles).abs();
+/// assert!((0..3).all(|joint| off[joint] <= 0.5 * motors.angle_step()[joint] + 1e-15));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ActuationSettings {
     /// Torque of a motor per current, N·m/A: Maxon RE 25, 118743.

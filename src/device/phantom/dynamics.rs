@@ -15,6 +15,24 @@ const GRAVITY: [f64; 2] = [-0.01630, -0.07376];
 pub(super) const LEAST_INERTIA: f64 = INERTIA[0] - INERTIA[1] + INERTIA[2] - INERTIA[3];
 
 /// What is assumed of the joints beyond the identified model.
+///
+/// ```
+/// use stickslip::Vec3;
+/// use stickslip::device::phantom::dynamics::{JointSettings, gravity};
+///
+/// let joints = JointSettings::default();
+/// let (angles, rest) = (Vec3::new(0.3, 0.2, 0.1), Vec3::zeros());
+/// // Motors that carry the weight keep it at rest, and M θ̈ is what they exert beyond that.
+/// assert!(joints.acceleration(&angles, &rest, &gravity(&angles)).norm() < 1e-12);
+/// let torque = Vec3::new(1e-3, -2e-3, 3e-3);
+/// let acceleration = joints.acceleration(&angles, &rest, &(gravity(&angles) + torque));
+/// assert!((joints.inertia(&angles) * acceleration - torque).norm() < 1e-15);
+/// // In motion, friction takes energy whichever way the joints turn.
+/// let rates = Vec3::new(1.0, -1.0, 0.5);
+/// assert!(joints.resistance(&rates).dot(&rates) > 0.0);
+/// let kinetic = joints.energy(&angles, &rates) - joints.energy(&angles, &rest);
+/// assert!((kinetic - 0.5 * rates.dot(&(joints.inertia(&angles) * rates))).abs() < 1e-15);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointSettings {
     /// Viscous damping of each joint, N·m·s/rad. Assumed.
@@ -77,6 +95,18 @@ impl JointSettings {
 }
 
 /// C, N·m·s/rad.
+///
+/// ```
+/// use stickslip::Vec3;
+/// use stickslip::device::phantom::dynamics::{JointSettings, coriolis};
+///
+/// // Ṁ − 2C is skew-symmetric: what moves by itself keeps its energy.
+/// let (angles, rates, h) = (Vec3::new(0.3, 0.2, 0.1), Vec3::new(1.0, -2.0, 3.0), 1e-5);
+/// let inertia = |time: f64| JointSettings::default().inertia(&(angles + rates * time));
+/// let rate = (inertia(h) - inertia(-h)) / (2.0 * h);
+/// let skew = rate - coriolis(&angles, &rates) * 2.0;
+/// assert!((skew + skew.transpose()).amax() < 1e-9);
+/// ```
 pub fn coriolis(angles: &Vec3, rates: &Vec3) -> Mat3 {
     let [_, p2, p3, p4, _, _] = INERTIA;
     let (t2, t3) = (angles.y, angles.z);
@@ -98,6 +128,19 @@ pub fn coriolis(angles: &Vec3, rates: &Vec3) -> Mat3 {
 }
 
 /// N, N·m.
+///
+/// ```
+/// use stickslip::Vec3;
+/// use stickslip::device::phantom::dynamics::{JointSettings, gravity};
+///
+/// // The gradient of the potential.
+/// let (angles, h) = (Vec3::new(0.3, 0.2, 0.1), 1e-5);
+/// let potential = |joint, by: f64| {
+///     JointSettings::default().energy(&(angles + Vec3::ith(joint, by)), &Vec3::zeros())
+/// };
+/// let gradient = Vec3::from_fn(|joint, _| (potential(joint, h) - potential(joint, -h)) / (2.0 * h));
+/// assert!((gradient - gravity(&angles)).norm() < 1e-9);
+/// ```
 pub fn gravity(angles: &Vec3) -> Vec3 {
     Vec3::new(0.0, GRAVITY[0] * angles.y.cos(), GRAVITY[1] * angles.z.sin())
 }

@@ -6,6 +6,21 @@
 use crate::Vec3;
 
 /// Parameters in device axes: x left to right, y up, z fore and aft.
+///
+/// ```
+/// use stickslip::{Vec3, device::phantom::hand::{HandSettings, Moving}};
+///
+/// let hand = HandSettings::default();
+/// let at = |x, speed| Moving { position: Vec3::x() * x, velocity: Vec3::x() * speed };
+/// let (target, holds, stylus) = (at(0.003, 0.0), at(0.002, 0.0), at(0.0, 0.0));
+/// // 2 mm of grip and 1 mm of arm.
+/// assert_eq!(hand.grip_force(&holds, &stylus).x, hand.grip_stiffness.x * 0.002);
+/// assert!((hand.arm_force(&target, &holds).x - hand.arm_stiffness.x * 0.001).abs() < 1e-12);
+/// assert_eq!(hand.dissipation(&target, &holds, &stylus), 0.0); // at rest
+/// // Moving as one takes ½mv² of the grip and arm that are not stretched.
+/// let moving = at(0.0, 0.1);
+/// assert_eq!(hand.energy(&moving, &moving, &moving), 0.5 * (hand.mass.x * (0.1 * 0.1)));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HandSettings {
     /// Mass, kg.

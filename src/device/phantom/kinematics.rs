@@ -21,6 +21,17 @@ pub const FORE_LINK: f64 = 0.170;
 pub const LEAST_REACH: f64 = 1e-3;
 
 /// What has limits.
+///
+/// ```
+/// use stickslip::Vec3;
+/// use stickslip::device::phantom::kinematics::{Joint, PoseError, check};
+///
+/// let angles = Vec3::new(0.0, 0.2, 0.5);
+/// assert!((Joint::Elbow.angle(&angles) - 0.3).abs() < 1e-15); // θ₃ − θ₂: both motors sit on the base
+/// let (_, limit_deg) = Joint::Elbow.limits_deg();
+/// let beyond = Vec3::new(0.0, 0.0, (limit_deg + 1.0).to_radians());
+/// assert!(matches!(check(&beyond), Err(PoseError::JointLimit { joint: Joint::Elbow, .. })));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Joint {
     /// θ₁, about the vertical.
@@ -107,11 +118,30 @@ pub enum PoseError {
 }
 
 /// ρ, m.
+///
+/// ```
+/// use stickslip::Vec3;
+/// use stickslip::device::phantom::kinematics::{FORE_LINK, UPPER_LINK, reach};
+///
+/// assert_eq!(reach(&Vec3::zeros()), UPPER_LINK); // fore link straight down
+/// let stretched = Vec3::new(0.0, 0.0, std::f64::consts::FRAC_PI_2);
+/// assert_eq!(reach(&stretched), UPPER_LINK + FORE_LINK);
+/// ```
 pub fn reach(angles: &Vec3) -> f64 {
     UPPER_LINK * angles.y.cos() + FORE_LINK * angles.z.sin()
 }
 
 /// The tip in device axes, m: (s₁ρ, l₂ − l₂c₃ + l₁s₂, c₁ρ − l₁).
+///
+/// ```
+/// use stickslip::{Vec3, device::phantom::kinematics::{forward, reach}};
+///
+/// assert_eq!(forward(&Vec3::zeros()), Vec3::zeros()); // home
+/// let angles = Vec3::new(0.3, 0.2, 0.1);
+/// let turned = Vec3::new(0.0, 0.2, 0.1);
+/// assert_eq!(forward(&angles).y, forward(&turned).y); // the first joint turns about the vertical,
+/// assert!((forward(&angles).x - reach(&turned) * 0.3_f64.sin()).abs() < 1e-15); // at the distance ρ
+/// ```
 pub fn forward(angles: &Vec3) -> Vec3 {
     let (s1, c1) = angles.x.sin_cos();
     let reach = reach(angles);
@@ -120,6 +150,14 @@ pub fn forward(angles: &Vec3) -> Vec3 {
 }
 
 /// J = ∂tip/∂θ, m/rad.
+///
+/// ```
+/// use stickslip::{Vec3, device::phantom::kinematics::{forward, jacobian}};
+///
+/// let (angles, rates, h) = (Vec3::new(0.3, 0.2, 0.1), Vec3::new(1.0, -2.0, 3.0), 1e-5);
+/// let central = (forward(&(angles + rates * h)) - forward(&(angles - rates * h))) / (2.0 * h);
+/// assert!((jacobian(&angles) * rates - central).norm() < 1e-9); // ṗ = Jθ̇
+/// ```
 pub fn jacobian(angles: &Vec3) -> Mat3 {
     let [(s1, c1), (s2, c2), (s3, c3)] = [angles.x, angles.y, angles.z].map(f64::sin_cos);
     let reach = reach(angles);
@@ -140,6 +178,15 @@ pub fn jacobian(angles: &Vec3) -> Mat3 {
 ///
 /// # Errors
 /// If there are none, or none that [`check`] accepts.
+///
+/// ```
+/// use stickslip::{Vec3, device::phantom::kinematics::{PoseError, forward, inverse}};
+///
+/// let angles = Vec3::new(0.3, 0.2, 0.1);
+/// assert!((inverse(&forward(&angles))? - angles).norm() < 1e-14);
+/// assert!(matches!(inverse(&Vec3::x()), Err(PoseError::Unreachable { .. }))); // 1 m to the right
+/// # Ok::<(), PoseError>(())
+/// ```
 pub fn inverse(tip: &Vec3) -> Result<Vec3, PoseError> {
     let (forward, height) = (tip.z + UPPER_LINK, tip.y - FORE_LINK);
     let reach = forward.hypot(tip.x);
@@ -163,6 +210,15 @@ pub fn inverse(tip: &Vec3) -> Result<Vec3, PoseError> {
 ///
 /// # Errors
 /// If it is not finite, a joint is beyond a limit, or ρ is less than [`LEAST_REACH`].
+///
+/// ```
+/// use stickslip::{Vec3, device::phantom::kinematics::{PoseError, check}};
+///
+/// assert_eq!(check(&Vec3::zeros()), Ok(()));
+/// assert_eq!(check(&Vec3::new(0.0, f64::NAN, 0.0)), Err(PoseError::NotFinite));
+/// let error = check(&Vec3::new(2.0, 0.0, 0.0)).expect_err("114.6°");
+/// assert!(error.to_string().starts_with("the turning joint (θ₁) would be at 114.59°, beyond its limits"));
+/// ```
 pub fn check(angles: &Vec3) -> Result<(), PoseError> {
     if !angles.iter().all(|angle| angle.is_finite()) {
         return Err(PoseError::NotFinite);
@@ -183,6 +239,14 @@ pub fn check(angles: &Vec3) -> Result<(), PoseError> {
 
 /// J⁻ᵀτ: the force at the tip (device axes, N) that joint torques (N·m) exert. In cylinder coordinates
 /// τ₁ = ρF_φ, τ₂ = l₁(c₂F_y − s₂F_ρ), τ₃ = l₂(s₃F_y + c₃F_ρ). Finite for every pose that [`check`] accepts.
+///
+/// ```
+/// use stickslip::{Vec3, device::phantom::kinematics::{jacobian, tip_force}};
+///
+/// let (angles, torque) = (Vec3::new(0.3, 0.2, 0.1), Vec3::new(0.1, 0.2, -0.1));
+/// let force = tip_force(&angles, &torque);
+/// assert!((jacobian(&angles).transpose() * force - torque).norm() < 1e-15); // τ = JᵀF
+/// ```
 pub fn tip_force(angles: &Vec3, torque: &Vec3) -> Vec3 {
     let [(s1, c1), (s2, c2), (s3, c3)] = [angles.x, angles.y, angles.z].map(f64::sin_cos);
     let (upper, fore) = (torque.y / UPPER_LINK, torque.z / FORE_LINK);

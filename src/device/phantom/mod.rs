@@ -55,6 +55,18 @@ impl Axes {
 }
 
 /// Everything that can be chosen.
+///
+/// ```
+/// use stickslip::device::phantom::{DeviceError, PhantomSettings};
+///
+/// let settings = PhantomSettings::default();
+/// settings.check(1e-3)?;
+/// // Ten substeps do for a millisecond, one does not: the amplifiers' lag alone has a rate of 2π·1 kHz.
+/// let coarse = PhantomSettings { substeps: 1, ..settings };
+/// assert!(matches!(coarse.check(1e-3), Err(DeviceError::Substeps { substeps: 1, .. })));
+/// coarse.check(1e-5)?;
+/// # Ok::<(), DeviceError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PhantomSettings {
     /// Scene and device.
@@ -235,6 +247,35 @@ fn require(name: &'static str, values: &Vec3, needs: Needs) -> Result<(), Device
 }
 
 /// The device in motion. Positions and forces are in scene axes.
+///
+/// ```
+/// use stickslip::Vec3;
+/// use stickslip::device::instrument::{TipPath, Waypoint};
+/// use stickslip::device::phantom::{Phantom, PhantomSettings};
+///
+/// let still = TipPath::new(vec![Waypoint { time: 0.0, position: Vec3::zeros() }])?;
+/// let mut device = Phantom::new(PhantomSettings::default(), &still, 1e-3)?;
+/// assert!(device.apparent_mass_kg().amax() < 0.2); // published: 75 g
+/// assert!(device.resolution_m().amax() < 4e-5); // published: 30 µm
+///
+/// // 2 N up for half a second push the hand that holds it.
+/// let applied = device.command(&(Vec3::z() * 2.0));
+/// assert!((applied.norm() - 2.0).abs() < 1e-3 && !device.saturated());
+/// for tick in 0..500 {
+///     device.advance(f64::from(tick) * 1e-3)?;
+///     device.command(&(Vec3::z() * 2.0));
+/// }
+/// assert!(device.tip().z > 1e-3 && device.energy_to_hand_j() > 0.0);
+/// // What is measured is off by half a count of each of three encoders, at most.
+/// assert!((device.tip() - device.measured_tip()).amax() <= 1.5 * device.resolution_m().amax());
+/// // Half a second is not long enough for the motors to feel the heat of more than the continuous 1.4 N.
+/// assert!(device.mean_force_n() < 0.1 && !device.overheats());
+/// // More than it can give is limited.
+/// assert!(device.command(&(Vec3::z() * 20.0)).norm() <= 8.5 + 1e-3 && device.saturated());
+/// assert_eq!(device.settings().actuation.force_limit, 8.5);
+/// assert!(device.state().is_finite());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Phantom {
     plant: Plant,

@@ -37,6 +37,28 @@ pub struct EnergyFlows {
 }
 
 /// Parameters of the system, and the path of the hand's target in device axes.
+///
+/// ```
+/// use stickslip::Vec3;
+/// use stickslip::device::instrument::{TipPath, Waypoint};
+/// use stickslip::device::phantom::{PhantomSettings, plant::{Plant, PlantState}};
+///
+/// // A hand leads the device by 20 mm within 0.1 s, against a motor.
+/// let target = TipPath::new(vec![
+///     Waypoint { time: 0.0, position: Vec3::zeros() },
+///     Waypoint { time: 0.1, position: Vec3::x() * 0.02 },
+/// ])?;
+/// let plant = Plant { settings: PhantomSettings::default(), target };
+/// let start = PlantState::at_rest(Vec3::zeros());
+/// let current = Vec3::new(-0.1, 0.0, 0.0);
+/// let end = (0..100).fold(start, |state, tick| plant.advance(&state, f64::from(tick) * 1e-3, 1e-3, &current));
+/// assert!(end.is_finite() && end.stylus().position.x > 0.0);
+/// // No energy comes from nowhere.
+/// let stored = plant.stored_energy(&end, 0.1) - plant.stored_energy(&start, 0.0);
+/// let flows = end.flows;
+/// assert!((stored - (flows.from_motors + flows.from_target - flows.dissipated)).abs() < 1e-6 * flows.dissipated);
+/// # Ok::<(), stickslip::device::instrument::PathError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Plant {
     /// What it is made of.

@@ -5,6 +5,24 @@ use super::kinematics::{jacobian, tip_force};
 use crate::Vec3;
 
 /// Two bounds of a wall's stiffness in one direction, for the device alone: the user's hand only adds to them.
+///
+/// ```
+/// use stickslip::Vec3;
+/// use stickslip::device::instrument::{TipPath, Waypoint};
+/// use stickslip::device::phantom::{Phantom, PhantomSettings};
+///
+/// let still = TipPath::new(vec![Waypoint { time: 0.0, position: Vec3::zeros() }])?;
+/// let settings = PhantomSettings::default();
+/// let bounds = |tick| Ok::<_, Box<dyn std::error::Error>>(
+///     Phantom::new(settings, &still, tick)?.wall_bounds(&Vec3::z(), 0.0)
+/// );
+/// let (slow, fast) = (bounds(1e-3)?, bounds(1e-4)?);
+/// // Ten times the rate, ten times the stiffness that damping makes passive; resolution knows no rate.
+/// assert!((fast.by_damping_n_per_m / slow.by_damping_n_per_m - 10.0).abs() < 1e-12);
+/// assert_eq!(fast.by_friction_n_per_m, slow.by_friction_n_per_m);
+/// assert_eq!(slow.passive_n_per_m(), slow.by_damping_n_per_m.min(slow.by_friction_n_per_m));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WallBounds {
     /// 2(b − |B|)/h, N/m, at least 0: J. E. Colgate, G. Schenkel, *Passivity of a class of sampled-data systems*,

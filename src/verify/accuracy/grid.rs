@@ -52,6 +52,18 @@ pub struct Grid {
 ///
 /// # Errors
 /// If the scene cannot be put together.
+///
+/// ```
+/// use stickslip::{scene::Scene, verify::accuracy::{Coverage, Method, PAPER, PAPER_RATE_HZ, grid}};
+///
+/// let scene = Scene::shipped("fig5-stick-slip").expect("shipped with the program");
+/// let grid = grid(&scene, Coverage::Default)?;
+/// assert!(grid.methods.contains(&Method::of(&scene)));
+/// assert!(grid.methods.iter().any(|method| method.local == PAPER && method.global_rate == PAPER_RATE_HZ));
+/// assert_eq!(grid.contacts[0], Method::of(&scene).touching); // its own first
+/// assert!(grid.methods.iter().enumerate().all(|(i, method)| !grid.methods[..i].contains(method))); // each once
+/// # Ok::<(), stickslip::scene::SceneError>(())
+/// ```
 pub fn grid(scene: &Scene, coverage: Coverage) -> Result<Grid, SceneError> {
     let own = Method::of(scene);
     Simulation::prepare(scene)?;

@@ -24,6 +24,22 @@ pub struct Touching {
 }
 
 /// One way to run a drag.
+///
+/// ```
+/// use stickslip::{scene::Scene, verify::accuracy::{Method, Rings}};
+///
+/// let scene = Scene::shipped("fig5-stick-slip").expect("shipped with the program");
+/// let method = Method::of(&scene);
+/// assert_eq!(method.to_string(), "1 ring, tangent, fixed, exact, 10 Hz"); // the paper's
+/// let names = method.names();
+/// assert_eq!((names.model, names.rings, names.far_field), ("patch", Rings::Count(1), None));
+/// assert_eq!(method.touching.to_string(), "geometric scheme on the faceted surface, rigid");
+/// assert_eq!(method.touching.names().model, "full"); // what it is held against
+///
+/// // Renewed five times as often, with steps of the network as long as before.
+/// let often = Method { global_rate: 50.0, ..method }.scene(&scene);
+/// assert_eq!((often.ticks_per_cycle, often.global.substeps), (20, 20));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Method {
     /// `model = "full"`: there is no local model.

@@ -46,6 +46,19 @@ const NOTHING: Felt = Felt {
 
 /// A run as errors are taken from it: the state at the end of every tick of the scene, without force after
 /// a fault.
+///
+/// ```
+/// use stickslip::{scene::Scene, verify::accuracy::Record};
+///
+/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// scene.tick_count = 150;
+/// let record = Record::of(&scene)?;
+/// let samples = record.samples();
+/// assert_eq!((samples.len(), samples[0].time, &record.fault), (150, scene.tick, &None));
+/// let squares: f64 = samples.iter().map(|sample| sample.force.norm_squared()).sum();
+/// assert!((record.force_rms_n() - (squares / 150.0).sqrt()).abs() < 1e-14);
+/// # Ok::<(), stickslip::scene::SceneError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Record {
     pub(super) felt: Vec<Felt>,
@@ -161,6 +174,27 @@ impl Record {
 }
 
 /// The whole network at the haptic rate with one contact: what methods are held against.
+///
+/// ```
+/// use stickslip::{scene::Scene, verify::accuracy::{Assessment, Errors, Method, Reference, Status}};
+///
+/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// scene.tick_count = 150;
+/// let method = Method::of(&scene);
+/// let reference = Reference::of(&scene, method.touching)?;
+/// // The reference is the whole network at the haptic rate, and finds no error in itself.
+/// assert!(Reference::scene(&scene, method.touching).is_full);
+/// let errors = Errors::of(&reference.coarse, &reference);
+/// assert_eq!((errors.force_error_rms_rel, errors.mode_agreement), (0.0, 1.0));
+/// assert!(reference.floor > 0.0 && reference.floor < 0.1); // what eight times shorter ticks change
+///
+/// // A ring of tangents in an exterior that stands still is too stiff by far more than that.
+/// let assessment = Assessment::of(&scene, &method, &reference)?;
+/// assert!(assessment.errors.force_error_rms_rel > reference.floor);
+/// assert_eq!(assessment.status(true), Status::Ok);
+/// assert_eq!(assessment.status(false), Status::Overrun); // had it taken too long
+/// # Ok::<(), stickslip::scene::SceneError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Reference {
     /// The contact.

@@ -38,6 +38,24 @@ impl Trials {
 }
 
 /// A rate and its upper confidence bound.
+///
+/// ```
+/// use stickslip::verify::certificate::bounds::{RateBound, Trials};
+///
+/// // No miss in a million ticks: the rule of three says not more than 3 in a million.
+/// let bound = RateBound::of(0, 1_000_000, Trials::Ticks).expect("there were trials");
+/// assert_eq!(bound.estimate, 0.0);
+/// assert!((bound.upper - (1.0 - 0.05_f64.powf(1e-6))).abs() < 1e-12 && (bound.upper - 3e-6).abs() < 1e-8);
+/// assert_eq!(bound.assumption, Trials::Ticks.assumption());
+/// // 10 in 100: Clopper and Pearson's bound is the p with P(X ≤ 10) = 0.05.
+/// let bound = RateBound::of(10, 100, Trials::Blocks).expect("there were trials");
+/// let binomial = |k: i32| {
+///     let choose: f64 = (0..k).map(|i| f64::from(100 - i) / f64::from(i + 1)).product();
+///     choose * bound.upper.powi(k) * (1.0 - bound.upper).powi(100 - k)
+/// };
+/// assert!(((0..=10).map(binomial).sum::<f64>() - 0.05).abs() < 1e-9);
+/// assert_eq!(RateBound::of(2, 1, Trials::Ticks), None); // more events than trials
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RateBound {
     /// How often it was seen.
@@ -130,6 +148,18 @@ pub enum Untested {
 ///
 /// # Errors
 /// Where that distribution is not known or Q is not defined.
+///
+/// ```
+/// use stickslip::verify::certificate::bounds::{Untested, ljung_box};
+///
+/// // ρ₁ = −0.99 of 100 alternating values: Q = n(n + 2)ρ₁²/(n − 1) = 100.98.
+/// let alternating: Vec<f64> = (0..100).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 }).collect();
+/// let tested = ljung_box(&alternating, 1)?;
+/// assert!((tested.statistic - 100.98).abs() < 1e-9 && !tested.independent);
+/// assert_eq!(ljung_box(&[1.0; 100], 1), Err(Untested::Constant));
+/// assert_eq!(ljung_box(&alternating[..10], 1), Err(Untested::TooFew { values: 10 }));
+/// # Ok::<(), Untested>(())
+/// ```
 pub fn ljung_box(series: &[f64], lags: usize) -> Result<Independence, Untested> {
     let values = series.len();
     if values < SHORTEST_SERIES {

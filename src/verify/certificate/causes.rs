@@ -3,6 +3,31 @@
 use serde::{Deserialize, Serialize};
 
 /// What a missed deadline was due to.
+///
+/// ```
+/// use stickslip::verify::certificate::causes::{Cause, Missed};
+///
+/// // A deadline of 500 µs, usually kept with 50 µs of computing.
+/// let usual = Missed {
+///     deadline_ns: 500_000,
+///     compute_ns: 50_000,
+///     cpu_ns: 50_000,
+///     typical_compute_ns: 50_000,
+///     typical_cpu_ns: 50_000,
+///     ..Missed::default()
+/// };
+/// let woken_late = Missed { release_ns: 800_000, response_ns: 850_000, ..usual };
+/// let slow = Missed { compute_ns: 900_000, cpu_ns: 900_000, response_ns: 900_000, ..usual };
+/// let interrupted =
+///     Missed { compute_ns: 900_000, response_ns: 900_000, involuntary_switches: 1, ..usual };
+/// let causes = [woken_late, slow, interrupted].map(|miss| Cause::of(&miss));
+/// assert_eq!(causes, [Cause::Release, Cause::Compute, Cause::Preempted]);
+/// assert_eq!(Cause::of(&Missed { steal: true, ..woken_late }), Cause::StealSuspected);
+/// // The tick after a slow one begins late because of that one.
+/// let next = Missed { follows: true, ..woken_late };
+/// assert_eq!(Cause::of_all(&[slow, next]), [Cause::Compute; 2]);
+/// assert_eq!(Cause::Preempted.name(), "something else had the CPU");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Cause {
@@ -129,6 +154,16 @@ pub struct StealSample {
 /// Whether the count grew around `[from_ns, to_ns]`: between the last sample not after it begins and the first not
 /// before it ends, or the outermost there are. Samples are in the order of time; without two around it, nothing was
 /// seen.
+///
+/// ```
+/// use stickslip::verify::certificate::causes::{StealSample, steal_grew};
+///
+/// let at = |at_ns, stolen_ticks| StealSample { at_ns, stolen_ticks };
+/// let samples = [at(0, 7), at(100, 7), at(200, 8), at(300, 8)];
+/// assert!(steal_grew(&samples, 120, 130)); // somewhere between 100 and 200
+/// assert!(!steal_grew(&samples, 20, 80) && !steal_grew(&samples, 220, 280));
+/// assert!(!steal_grew(&[], 120, 130));
+/// ```
 pub fn steal_grew(samples: &[StealSample], from_ns: u64, to_ns: u64) -> bool {
     let before = samples.partition_point(|sample| sample.at_ns <= from_ns).saturating_sub(1);
     let after = samples.partition_point(|sample| sample.at_ns < to_ns).min(samples.len().saturating_sub(1));
