@@ -88,12 +88,13 @@ impl Springs {
                 self.singles.extend_from_slice(packed);
                 continue;
             }
-            let mut packet = Packet { upper, stiffness: [0.0; LANES], damping: [0.0; LANES], rest_force: [0.0; LANES] };
+            let mut packet =
+                Packet { upper, stiffness: [0.0; LANES], damping: [0.0; LANES], rest_length: [0.0; LANES] };
             for spring in packed {
                 let lane = spring.nodes[0] as usize - first_node;
                 packet.stiffness[lane] = spring.stiffness;
                 packet.damping[lane] = spring.damping;
-                packet.rest_force[lane] = spring.stiffness * spring.rest_length;
+                packet.rest_length[lane] = spring.rest_length;
             }
             self.packets.push(packet);
         }

@@ -30,7 +30,7 @@ const TUNNELLED_M: f64 = 1e-12;
 ///
 /// let extreme = EXTREMES.iter().find(|extreme| extreme.name == "stiffness-1e8").expect("it is one of them");
 /// // At 10⁸ N/m a tick of 1 ms is far beyond what an explicit step can do: the fail-safe has to end it.
-/// assert!(extreme.scene(Variant::AsGiven)?.material.stiffness >= 1e8);
+/// assert!(extreme.scene(Variant::AsGiven)?.material.stiffness.range()[0] >= 1e8);
 /// let expected = extreme.expected(Variant::AsGiven);
 /// assert!(matches!(expected, Expected::Fault(FaultKind::Runaway)));
 /// let got = extreme.run(Variant::AsGiven, &expected);

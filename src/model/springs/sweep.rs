@@ -1,7 +1,7 @@
 //! The force sweep: four springs at a time, with what vector instructions the machine has.
 //!
-//! With s = d·d the force on the lower node is d \[k + (c ω·d − kL ℓ)/s\], ℓ = √s: root and division do not wait for
-//! each other. Everything is written in terms of four doubles side by side, [`Quad`]; its implementations do the same
+//! With s = d·d the force on a node is d \[k(ℓ − L)ℓ + c ω·d\]/s, ℓ = √s: root and division do not wait for each other,
+//! and a spring at its rest length has exactly no force, so that what rests stays where it is. Everything is written in terms of four doubles side by side, [`Quad`]; its implementations do the same
 //! operations in the same order, without fused multiply-adds, so that every machine gives the same bits.
 
 use std::ops::Range;
@@ -34,8 +34,7 @@ pub(super) struct Packet {
     pub upper: usize,
     pub stiffness: [f64; LANES],
     pub damping: [f64; LANES],
-    /// kL, N.
-    pub rest_force: [f64; LANES],
+    pub rest_length: [f64; LANES],
 }
 
 /// Four doubles side by side.
@@ -195,13 +194,14 @@ impl<const DAMPED: bool> Sweep<'_, DAMPED> {
                 let square = q.add(dot(q, d, d), floor);
                 let length = q.sqrt(square);
                 let inverse = q.div(one, square);
-                let mut tension = q.mul(q.lanes(packet.rest_force), length);
+                let stretch = q.sub(length, q.lanes(packet.rest_length));
+                let mut tension = q.mul(q.mul(q.lanes(packet.stiffness), stretch), length);
                 if DAMPED {
                     let vj = q.by_axis(run(v, packet.upper));
                     let omega: [Q::Lanes; 3] = std::array::from_fn(|axis| q.sub(vi[axis], vj[axis]));
-                    tension = q.sub(tension, q.mul(q.lanes(packet.damping), dot(q, omega, d)));
+                    tension = q.add(tension, q.mul(q.lanes(packet.damping), dot(q, omega, d)));
                 }
-                let scale = q.sub(q.lanes(packet.stiffness), q.mul(tension, inverse));
+                let scale = q.mul(tension, inverse);
                 let force = d.map(|d| q.mul(d, scale));
                 q.add_to(force, run_mut(f, packet.upper));
                 sum = std::array::from_fn(|axis| q.sub(sum[axis], force[axis]));
@@ -253,10 +253,11 @@ impl Spring {
         let dot = |a: Vec3, b: Vec3| a.x * b.x + a.y * b.y + a.z * b.z;
         let square = dot(d, d) + LENGTH_SQUARED_FLOOR;
         let inverse = 1.0 / square;
-        let mut tension = self.stiffness * self.rest_length * square.sqrt();
+        let length = square.sqrt();
+        let mut tension = self.stiffness * (length - self.rest_length) * length;
         if DAMPED {
-            tension -= self.damping * dot(omega, d);
+            tension += self.damping * dot(omega, d);
         }
-        d * (self.stiffness - tension * inverse)
+        d * (tension * inverse)
     }
 }
