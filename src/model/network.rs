@@ -11,6 +11,20 @@ use crate::Vec3;
 pub const REST_SPEED: f64 = 1e-30;
 
 /// A force on single nodes, kept only where the scene has it.
+///
+/// ```
+/// use stickslip::{Vec3, model::network::ExternalForce};
+///
+/// let gravity = ExternalForce::Gravity(Vec3::new(0.0, 0.0, -9.81));
+/// let mut f = [Vec3::zeros()];
+/// gravity.add(&[2.0], &[Vec3::zeros()], &mut f);
+/// assert_eq!(f[0].z, -19.62);
+/// assert_eq!(gravity.potential(2.0, &Vec3::z()), 19.62); // mgz
+/// // Drag takes power b|v|².
+/// let (v, mut f) = ([Vec3::new(3.0, 4.0, 0.0)], [Vec3::zeros()]);
+/// ExternalForce::Drag(0.1).add(&[2.0], &v, &mut f);
+/// assert!((f[0].dot(&v[0]) + 0.1 * 25.0).abs() < 1e-15);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ExternalForce {
     /// m g, with g in m/s².
@@ -62,6 +76,29 @@ pub struct State {
 }
 
 /// The constant part of the full model.
+///
+/// ```
+/// use stickslip::model::{mesh::{Block, Stencil}, network::{Material, Network}};
+/// use stickslip::Vec3;
+///
+/// let block = Block { nodes: [3, 3, 2], spacing: 0.01, stencil: Stencil::Full };
+/// let mesh = block.mesh();
+/// let gravity = Vec3::new(0.0, 0.0, -9.81);
+/// let (stiffness, damping) = (100.0.into(), 0.5.into());
+/// let material = Material { node_mass: vec![0.01; 18], stiffness, damping, drag: 0.0, gravity };
+/// let network = Network::new(&mesh, &material, (0..18).map(|node| block.is_bottom(node)).collect());
+/// assert_eq!((network.node_count(), network.springs.len()), (18, block.edge_count()));
+/// assert_eq!(network.links(13).len(), 8 + 9); // in the middle of the top: its layer and the one below
+/// assert_eq!((network.inverse_mass[0], network.inverse_mass[13]), (0.0, 100.0)); // the bottom is fixed
+///
+/// // Stretched somehow, springs pull on each other: only the weight is left of their sum.
+/// let mut state = network.rest_state();
+/// state.x[13] += Vec3::new(0.002, -0.001, 0.003);
+/// let mut f = vec![Vec3::zeros(); 18];
+/// network.forces(&state.x, &state.v, &mut f);
+/// assert!((f.iter().sum::<Vec3>() - gravity * 0.18).norm() < 1e-14);
+/// assert!((network.fixed_potential() + 9.0 * 0.01 * 9.81 * 0.01).abs() < 1e-15); // Σ mgz, z = −1 cm
+/// ```
 #[derive(Debug, Clone)]
 pub struct Network {
     /// Rest positions, m.
@@ -182,6 +219,14 @@ impl Network {
 }
 
 /// Sets velocity components below [`REST_SPEED`] to zero.
+///
+/// ```
+/// use stickslip::{Vec3, model::network::{REST_SPEED, snap_to_rest}};
+///
+/// let mut v = [Vec3::new(0.1 * REST_SPEED, -10.0 * REST_SPEED, 1.0)];
+/// snap_to_rest(&mut v);
+/// assert_eq!(v[0], Vec3::new(0.0, -10.0 * REST_SPEED, 1.0));
+/// ```
 pub fn snap_to_rest(v: &mut [Vec3]) {
     for component in bytemuck::cast_slice_mut::<Vec3, f64>(v) {
         // A choice of values, not of whether to write: this becomes vector instructions.

@@ -11,6 +11,28 @@ use crate::{Mat3, Vec3};
 use sweep::{Block, LANES, LENGTH_SQUARED_FLOOR, Packet, Sweep};
 
 /// One spring, as a value.
+///
+/// ```
+/// use stickslip::{Vec3, model::springs::{Spring, Springs, TangentKind}};
+///
+/// let spring = Spring { nodes: [0, 1], stiffness: 100.0, damping: 0.5, rest_length: 1.0 };
+/// let force = |d: Vec3| {
+///     let mut f = [Vec3::zeros(); 2];
+///     Springs::new(2, &[spring]).add_forces(&[Vec3::zeros(), d], &[Vec3::zeros(); 2], &mut f);
+///     f[0]
+/// };
+/// // The Jacobian is the derivative of the force,
+/// let (d, change, h) = (Vec3::new(0.8, 0.3, -0.4), Vec3::new(1.0, 2.0, 3.0), 1e-6);
+/// let (by_d, by_rate) = spring.jacobian(d, Vec3::zeros(), TangentKind::Exact);
+/// let central = (force(d + change * h) - force(d - change * h)) / (2.0 * h);
+/// assert!((by_d * change - central).norm() < 1e-6);
+/// // a damper works along the spring only, and a compressed spring pushes sideways unless it is stabilised.
+/// assert!((by_rate * d - d * 0.5).norm() < 1e-15);
+/// let across = Vec3::new(0.3, -0.8, 0.0);
+/// assert!(across.dot(&(by_d * across)) < 0.0);
+/// let (stabilised, _) = spring.jacobian(d, Vec3::zeros(), TangentKind::Stabilised);
+/// assert!(across.dot(&(stabilised * across)).abs() < 1e-12);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spring {
     /// The two nodes.
@@ -33,6 +55,24 @@ const LEAST_LANES: usize = 3;
 /// vector instructions; lanes without a spring have k = c = 0. Springs that
 /// fill no packet are done one by one. The layout fixes the order of summation, and with it the
 /// bits of the result.
+///
+/// ```
+/// use stickslip::{Vec3, model::springs::{Spring, Springs}};
+///
+/// let spring = |i, j| Spring { nodes: [j, i], stiffness: 100.0, damping: 0.5, rest_length: 1.0 };
+/// let springs = Springs::new(3, &[spring(1, 2), spring(0, 1)]);
+/// assert!(springs.len() == 2 && springs.is_damped() && !springs.is_empty());
+/// let nodes: Vec<[u32; 2]> = springs.iter().map(|spring| spring.nodes).collect();
+/// assert_eq!(nodes, [[0, 1], [1, 2]]); // in the order of their sums
+///
+/// // Stretched by 10 %: f = k(ℓ − L), E = ½k(ℓ − L)².
+/// let (x, v) = ([0.0, 1.0, 2.1].map(|x| Vec3::x() * x), [0.0, 0.0, 2.0].map(|v| Vec3::x() * v));
+/// assert!((springs.elastic_energy(&x) - 0.5).abs() < 1e-12);
+/// assert!((springs.damper_power(&x, &v) - 0.5 * 4.0).abs() < 1e-12); // c ω²
+/// let mut f = [Vec3::zeros(); 3];
+/// springs.add_forces(&x, &v, &mut f);
+/// assert!((f[2].x + 10.0 + 1.0).abs() < 1e-12 && f.iter().sum::<Vec3>().norm() < 1e-12);
+/// ```
 #[derive(Debug, Clone, Default)]
 pub struct Springs {
     /// Every spring, by its lower and then its upper node.
