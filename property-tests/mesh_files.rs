@@ -47,12 +47,12 @@ fn enclosed(mesh: &FileMesh) -> f64 {
 }
 
 /// Written by Gmsh, VTK and meshio: MSH 2.2 and 4.1, legacy VTK 4.2 and 5.1, XML; text, bytes in either order, base64, appended,
-/// raw, compressed. Text of VTK has ten digits.
+/// raw, compressed. Text has ten digits from VTK, sixteen from Gmsh.
 #[test]
 fn every_format_gives_the_same_mesh() {
     let paths = formats("solid");
     assert!(paths.len() >= 20, "{} files", paths.len());
-    let expected = read(&folder().join("formats/solid-2.2-text.msh")).solid(0.001).expect("a body");
+    let expected = read(&folder().join("formats/solid-2.2-bytes.msh")).solid(0.001).expect("a body");
     let mut worst = 0.0_f64;
     for path in paths {
         let mesh = read(&path).solid(0.001).unwrap_or_else(|error| panic!("{error}"));
@@ -60,8 +60,8 @@ fn every_format_gives_the_same_mesh() {
         assert_eq!(mesh.mesh.edges, expected.mesh.edges, "{}", path.display());
         assert_eq!(mesh.mesh.triangles, expected.mesh.triangles, "{}", path.display());
         let off = distance(&mesh.mesh.nodes, &expected.mesh.nodes);
-        let is_short = path.to_string_lossy().contains("text") && path.extension().is_some_and(|e| e != "msh");
-        if is_short {
+        let is_rounded = path.to_string_lossy().contains("text");
+        if is_rounded {
             worst = worst.max(off);
         } else {
             assert!(off == 0.0, "{}: {off:e} m", path.display());
