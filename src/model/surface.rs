@@ -56,7 +56,7 @@ pub enum SurfaceError {
 /// let surface = Surface::new(&cube)?;
 /// assert!(surface.is_closed());
 /// let (vertices, triangles) = (surface.vertex_node.len(), surface.triangles.len());
-/// assert_eq!(vertices - 3 * triangles / 2 + triangles, 2); // Euler's formula
+/// assert_eq!(vertices + triangles - 3 * triangles / 2, 2); // Euler's formula
 /// assert_eq!((0..8).map(|vertex| surface.incident(vertex).len()).sum::<usize>(), 3 * triangles);
 /// assert_eq!(surface.triangle_nodes(5), cube.triangles[5]);
 /// let across = surface.neighbors[5][0].expect("it is closed") as usize;

@@ -86,7 +86,7 @@ pub struct Felt {
 /// // The same body in finer pieces: an eighth of the mass per node, springs half as stiff.
 /// let [coarse, fine] = [&coarse[0], &fine[0]].map(|each| &each.scene.material);
 /// assert_eq!(fine.node_mass[0], coarse.node_mass[0] / 8.0);
-/// assert_eq!(fine.stiffness, coarse.stiffness / 2.0);
+/// assert_eq!(fine.stiffness.range()[0], coarse.stiffness.range()[0] / 2.0);
 /// ```
 pub fn grid(refinement: usize) -> Vec<Combination> {
     let mut grid = Vec::new();
