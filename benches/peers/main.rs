@@ -23,7 +23,7 @@ use crate::peer::{Failure, PEERS, Peer, Program, Running};
 
 /// Steps of the trajectory: 0.05 s.
 const STEPS: u32 = 50;
-/// Steps of the reference, RK4, in one step: its own error is some 1e-9 of a semi-implicit step's.
+/// Steps of the reference, RK4, in one step: of fourth order, against the first of what it is held against.
 const SUBSTEPS: u32 = 16;
 /// For any one answer, by the clock: building the model, or the trajectory. A peer that needs longer is cut off.
 const BUDGET: Duration = Duration::from_secs(60);
