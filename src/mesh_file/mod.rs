@@ -84,7 +84,7 @@ impl MeshFile {
     pub fn read(path: &Path, budget: u64) -> Result<Self, MeshFileError> {
         let fail = |problem: MeshProblem| MeshFileError::new(path.to_owned(), problem.into());
         let size = std::fs::metadata(path).map_err(|error| fail(MeshProblem::Unreadable(error)))?.len();
-        if !(size <= budget / BYTES_PER_BYTE) {
+        if size > budget / BYTES_PER_BYTE {
             let needed_mib = size.saturating_mul(BYTES_PER_BYTE) >> 20;
             return Err(fail(MeshProblem::TooLarge { needed_mib, budget_mib: budget >> 20 }));
         }

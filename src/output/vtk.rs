@@ -66,7 +66,7 @@ impl VtkWriter {
 
     /// Takes a tick in. What cannot be written is told by [`finish`](Self::finish).
     pub fn record(&mut self, view: &TickView) {
-        if self.trouble.is_some() || view.tick % self.every_ticks != 0 {
+        if self.trouble.is_some() || !view.tick.is_multiple_of(self.every_ticks) {
             return;
         }
         if let Err(error) = self.write_frame(view) {
