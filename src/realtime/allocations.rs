@@ -15,7 +15,7 @@ static COUNTS: AtomicBool = AtomicBool::new(false);
 
 /// The system's allocator, with a count of its calls by thread.
 ///
-/// ```
+/// ```standalone_crate
 /// use std::hint::black_box;
 /// use stickslip::realtime::allocations::{Counting, on_this_thread};
 ///
