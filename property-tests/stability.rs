@@ -129,8 +129,17 @@ fn local_models_are_stable_up_to_the_predicted_step() {
             for (axis, value) in points {
                 let point = MapPoint { integrator, exterior, axis, value };
                 for boundary in boundaries(&scene, &point).expect("a patch that can be pressed") {
-                    let name = contact.replace('\n', ", ");
-                    println!("RESIDUAL | one-step matrix | {name}, {boundary:?} | {TOLERANCE} | {}", boundary.ratio);
+                    println!(
+                        "RESIDUAL | one-step matrix | longest step, measured over predicted: {}, {}, {}, {:?}, {:?} {:e} | {TOLERANCE} off 1 | {:.4}{}",
+                        boundary.integrator,
+                        boundary.scheme,
+                        boundary.exterior,
+                        boundary.touching,
+                        boundary.axis,
+                        boundary.value,
+                        boundary.ratio,
+                        if boundary.agrees { "" } else { ", for a known reason" },
+                    );
                     assert!(boundary.agrees || boundary.reason.is_some(), "{contact}: {boundary:?}");
                     if boundary.agrees {
                         worst.check((boundary.ratio - 1.0).abs());
