@@ -142,3 +142,24 @@ fn frames_for_paraview_hold_the_run() {
     let forces = doubles(&frame["force"]);
     assert!(forces.iter().all(|force| force.is_finite()) && forces.iter().any(|force| force.abs() > 1e-3));
 }
+
+/// While the contact sticks, the point that the weights make of the frame's nodes is the tip.
+#[test]
+fn frames_for_paraview_have_the_nodes_where_the_tip_holds_them() {
+    let folder = Folder::new("printed-vtk-stick");
+    let out = folder.path("run");
+    let output = stickslip(&["run", "fig4-sticking", "--out", &text(&out), "--vtk=400"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let tip = arrays(&out.join("vtk/instrument-000001.vtu"));
+    assert_eq!(tip["mode"], [1], "tick 400 sticks");
+    let frame = arrays(&out.join("vtk/network-000001.vtu"));
+    let (x, q) = (doubles(&frame["Points"]), doubles(&tip["Points"]));
+    let mut point = [0.0; 3];
+    for (x, weight) in x.chunks_exact(3).zip(doubles(&frame["contact_weight"])) {
+        (0..3).for_each(|axis| point[axis] += weight * x[axis]);
+    }
+    let off = (0..3).map(|axis| (point[axis] - q[axis]).powi(2)).sum::<f64>().sqrt();
+    // Round-off of positions of centimetres.
+    println!("RESIDUAL | the held tip | contact point of a frame for ParaView, m | 1e-15 | {off:.1e}");
+    assert!(off <= 1e-15, "{off:e} m");
+}
