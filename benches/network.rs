@@ -12,6 +12,7 @@ use std::sync::Arc;
 use criterion::Criterion;
 use stickslip::Vec3;
 use stickslip::contact::surface::ContactGeometry;
+use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper, Steps, Threads, Unconstrained};
 use stickslip::model::linearization::LinearForces;
 use stickslip::model::local::{ExteriorKind, Linearization, LocalModelBuilder, LocalSettings};
 use stickslip::model::mesh::{Block, Stencil};
@@ -19,6 +20,8 @@ use stickslip::model::network::{Material, Network};
 use stickslip::model::patch::{Extent, PatchSelector};
 use stickslip::model::springs::TangentKind;
 use stickslip::model::surface::Surface;
+
+const STEPS: u32 = 100;
 
 fn network(nodes: [usize; 3]) -> (Network, Arc<Surface>) {
     let block = Block { nodes, spacing: 0.0125, stencil: Stencil::Full };
@@ -45,6 +48,19 @@ fn forces(nodes: [usize; 3]) -> (usize, impl FnMut()) {
     }
     let mut f = vec![Vec3::zeros(); network.node_count()];
     (network.springs.len(), move || network.forces(black_box(&state.x), black_box(&state.v), &mut f))
+}
+
+/// A cycle's steps by semi-implicit Euler.
+fn steps(nodes: [usize; 3], threads: Threads) -> impl FnMut() {
+    let (network, _) = network(nodes);
+    let (rest, mut stepper) = (network.rest_state(), Stepper::new(&network));
+    let mut state = rest.clone();
+    let steps = Steps { length: 1e-3, count: STEPS, threads };
+    move || {
+        state.clone_from(&rest);
+        state.x.iter_mut().enumerate().for_each(|(i, x)| x.z += 1e-4 * (0.7 * i as f64).sin());
+        stepper.steps(GlobalIntegrator::SemiImplicitEuler, &network, black_box(&mut state), steps, |_| Unconstrained);
+    }
 }
 
 /// Linearising a patch of one ring in the middle of the top.
@@ -108,4 +124,14 @@ fn main() {
     criterion.final_summary();
     println!("\nper spring: divide the first by {springs}, the second by {many_springs}");
     interleaved::print_ratios(&mut cases, 20);
+
+    let cycle = |nodes, threads| Box::new(steps(nodes, threads)) as Box<dyn FnMut()>;
+    let mut cycles: Vec<interleaved::Case> = vec![
+        ("4,096 nodes, one thread", cycle(sizes[1], Threads::One)),
+        ("4,096 nodes, two threads", cycle(sizes[1], Threads::Two)),
+        ("32,768 nodes, one thread", cycle(sizes[2], Threads::One)),
+        ("32,768 nodes, two threads", cycle(sizes[2], Threads::Two)),
+    ];
+    println!("\n{STEPS} steps; per spring and step: divide by {STEPS} and by the springs");
+    interleaved::print_ratios(&mut cycles, 1);
 }

@@ -24,6 +24,7 @@ mod rest;
 mod settle;
 mod stability;
 mod subdivision;
+mod threads;
 mod timeline;
 mod velocity;
 mod z_width;

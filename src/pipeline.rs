@@ -193,6 +193,7 @@ impl Simulation {
             sync: scene.global.sync,
             integrator: scene.global.integrator,
             substeps: scene.global.substeps,
+            threads: scene.global.threads,
             ticks: scene.ticks_per_cycle,
             tick: scene.tick,
             metric: scene.contact.scheme.overwrite_metric(),

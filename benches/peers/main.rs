@@ -16,7 +16,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use serde::Serialize;
 use stickslip::Vec3;
-use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper, Unconstrained};
+use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper, Threads, Unconstrained};
 
 use crate::network::{NetworkFile, STEP, cases, largest, root_mean_square, vectors};
 use crate::peer::{Failure, PEERS, Peer, Program, Running};
@@ -99,10 +99,11 @@ struct Contender {
 fn main() -> Result<ExitCode, Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
     match arguments.iter().map(String::as_str).collect::<Vec<_>>().as_slice() {
-        ["serve", name, path] => {
+        ["serve", name, threads, path] => {
             let all = [GlobalIntegrator::SemiImplicitEuler, GlobalIntegrator::ImplicitEuler];
             let integrator = all.into_iter().find(|integrator| integrator.name() == *name);
-            serve::serve(integrator.ok_or("not an integrator to serve")?, Path::new(path))?;
+            let threads = if *threads == "2" { Threads::Two } else { Threads::One };
+            serve::serve(integrator.ok_or("not an integrator to serve")?, threads, Path::new(path))?;
             Ok(ExitCode::SUCCESS)
         }
         chosen => compare(chosen),
@@ -157,7 +158,7 @@ fn measure(
     file.write(&path)?;
     let springs = file.spring_count();
     let installed = directory.join("venv/bin/python").exists();
-    let peers = PEERS.iter().filter(|peer| installed || matches!(peer.program, Program::Ours(_)));
+    let peers = PEERS.iter().filter(|peer| installed || matches!(peer.program, Program::Ours(..)));
     let mut contenders: Vec<(&Peer, Result<Contender, Failure>)> = Vec::new();
     for peer in peers {
         let earlier = cut_off.iter().find(|&&(cut, at)| cut == peer.name && at <= springs);

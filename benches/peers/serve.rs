@@ -5,8 +5,9 @@ use std::error::Error;
 use std::hint::black_box;
 use std::io::{Write, stdin, stdout};
 use std::path::Path;
+use std::time::Instant;
 
-use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper, Unconstrained};
+use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper, Steps, Threads, Unconstrained};
 use stickslip::model::network::{Network, State};
 
 use crate::network::{NetworkFile, STEP};
@@ -24,14 +25,12 @@ impl Simulation {
         Self { state: file.initial(), stepper: Stepper::new(&network), network }
     }
 
-    fn run(&mut self, integrator: GlobalIntegrator, h: f64, steps: u32) {
-        for _ in 0..steps {
-            self.stepper.step(integrator, &self.network, black_box(&mut self.state), h, &Unconstrained);
-        }
+    fn run(&mut self, integrator: GlobalIntegrator, steps: Steps) {
+        self.stepper.steps(integrator, &self.network, black_box(&mut self.state), steps, |_| Unconstrained);
     }
 }
 
-/// Of this thread, which is the only one that computes.
+/// Of this thread.
 #[cfg(all(feature = "realtime", target_os = "linux"))]
 fn processor_time_s() -> f64 {
     stickslip::realtime::os::thread_cpu_ns() as f64 * 1e-9
@@ -41,13 +40,12 @@ fn processor_time_s() -> f64 {
 #[cfg(not(all(feature = "realtime", target_os = "linux")))]
 fn processor_time_s() -> f64 {
     use std::sync::LazyLock;
-    use std::time::Instant;
     static START: LazyLock<Instant> = LazyLock::new(Instant::now);
     START.elapsed().as_secs_f64()
 }
 
-/// Answers standard input until it ends.
-pub fn serve(integrator: GlobalIntegrator, path: &Path) -> Result<(), Box<dyn Error>> {
+/// Answers standard input until it ends. Where two threads compute, it is the clock that counts.
+pub fn serve(integrator: GlobalIntegrator, threads: Threads, path: &Path) -> Result<(), Box<dyn Error>> {
     let file = NetworkFile::read(path)?;
     let mut simulation = None;
     let mut answer = "read".to_owned();
@@ -69,10 +67,13 @@ pub fn serve(integrator: GlobalIntegrator, path: &Path) -> Result<(), Box<dyn Er
                 "reset".to_owned()
             }
             (["run", steps], Some(simulation)) => {
-                let steps = steps.parse()?;
-                let start = processor_time_s();
-                simulation.run(integrator, STEP, steps);
-                let seconds = processor_time_s() - start;
+                let steps = Steps { length: STEP, count: steps.parse()?, threads };
+                let (start, began) = (processor_time_s(), Instant::now());
+                simulation.run(integrator, steps);
+                let seconds = match threads {
+                    Threads::One => processor_time_s() - start,
+                    Threads::Two => began.elapsed().as_secs_f64(),
+                };
                 if let Some(failure) = simulation.stepper.failure() {
                     return Err(failure.into());
                 }

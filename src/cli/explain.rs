@@ -11,7 +11,7 @@ use super::terminal::{hand_out, say};
 use super::{PASS, read};
 use crate::Vec3;
 use crate::dynamics::global::SyncMode;
-use crate::dynamics::integrators::GlobalIntegrator;
+use crate::dynamics::integrators::{GlobalIntegrator, Threads};
 use crate::dynamics::stability::{StepLimit, explicit_step_limit};
 use crate::model::condensation::Outcome;
 use crate::model::local::Linearization;
@@ -227,6 +227,10 @@ fn warnings(scene: &Scene, simulation: &Simulation, local: &Step, global: Option
     }
     if let Some(global) = global.filter(|global| global.is_beyond()) {
         warnings.push(format!("the global substep is beyond its stability limit: {}", global.text()));
+    }
+    if scene.global.threads == Threads::Two && simulation.network().springs.halves().is_none() {
+        let springs = simulation.network().springs.len();
+        warnings.push(format!("`global.threads = 2` does nothing: {springs} springs are too few to share"));
     }
     let turn = local.step_s * local.omega_max_rad_s;
     if scene.integrator == LocalIntegrator::Exponential && turn > std::f64::consts::PI {

@@ -367,7 +367,7 @@ impl LocalSimulation {
             Some(meeting) => self.respond(meeting, q0, q1),
         };
         self.age += 1;
-        snap_to_rest(&mut self.state.v);
+        snap_to_rest(&mut self.state.v[..self.model.patch.len()]);
         self.model.place_boundary(self.elapsed(), &mut self.state.x);
         report
     }

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use super::integrators::{Constraint, GlobalIntegrator, Stepper, Unconstrained};
+use super::integrators::{Constraint, GlobalIntegrator, Stepper, Steps, Threads, Unconstrained};
 use crate::Vec3;
 use crate::contact::operators::{Metric, Support};
 use crate::contact::subdivision::LARGEST_SUPPORT;
@@ -34,6 +34,8 @@ pub struct CycleSettings {
     pub integrator: GlobalIntegrator,
     /// Equal steps per cycle.
     pub substeps: u32,
+    /// Threads that share them.
+    pub threads: Threads,
     /// Ticks per cycle.
     pub ticks: u32,
     /// h, s.
@@ -209,6 +211,10 @@ impl Replayed<'_> {
 }
 
 impl Constraint for Replayed<'_> {
+    fn nodes(&self, ahead: f64) -> &[u32] {
+        self.trajectory.segment(self.time(ahead).1).map_or(&[], |segment| &segment.nodes)
+    }
+
     // What accelerations do to patch nodes is overwritten.
     fn accelerations(&self, _: &mut [Vec3]) {}
 
@@ -216,26 +222,29 @@ impl Constraint for Replayed<'_> {
         let (time, tick) = self.time(ahead);
         self.trajectory.prescribe(tick, time, state);
     }
-
-    fn prescribed(&self) -> &[u32] {
-        self.trajectory.segment(self.time(1.0).1).map_or(&[], |segment| &segment.nodes)
-    }
 }
 
 /// The contact point stands still: P on accelerations and velocities.
-struct Held<'a>(&'a Support);
+struct Held<'a> {
+    support: &'a Support,
+    nodes: &'a [u32],
+}
 
 impl Constraint for Held<'_> {
+    fn nodes(&self, _: f64) -> &[u32] {
+        self.nodes
+    }
+
     fn accelerations(&self, a: &mut [Vec3]) {
-        self.0.project_sticking(a);
+        self.support.project_sticking(a);
     }
 
     fn state(&self, _: f64, state: &mut State) {
-        self.0.project_sticking(&mut state.v);
+        self.support.project_sticking(&mut state.v);
     }
 
     fn held(&self) -> Option<&Support> {
-        Some(self.0)
+        Some(self.support)
     }
 }
 
@@ -375,18 +384,17 @@ impl GlobalSimulation {
         }
         if support.free_weight() >= RIGID_BELOW {
             support.project_sticking(&mut self.state.v);
-            self.integrate(|_| Held(&support));
+            let nodes: Vec<u32> = support.nodes().iter().map(|node| node.slot as u32).collect();
+            self.integrate(|_| Held { support: &support, nodes: &nodes });
         } else {
             self.integrate(|_| Unconstrained);
         }
         trajectory.finish(&mut self.state);
     }
 
-    fn integrate<C: Constraint>(&mut self, constraint: impl Fn(u32) -> C) {
-        let CycleSettings { integrator, substeps, ticks, tick, .. } = self.settings;
-        let h = f64::from(ticks) * tick / f64::from(substeps);
-        for substep in 0..substeps {
-            self.stepper.step(integrator, &self.network, &mut self.state, h, &constraint(substep));
-        }
+    fn integrate<C: Constraint>(&mut self, constraint: impl Fn(u32) -> C + Sync) {
+        let CycleSettings { integrator, substeps, ticks, tick, threads, .. } = self.settings;
+        let steps = Steps { length: f64::from(ticks) * tick / f64::from(substeps), count: substeps, threads };
+        self.stepper.steps(integrator, &self.network, &mut self.state, steps, constraint);
     }
 }

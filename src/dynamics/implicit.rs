@@ -77,7 +77,8 @@ impl Newton {
         constraint.state(0.0, state);
         self.start.clone_from(state);
         constraint.state(1.0, state);
-        self.choose(network, constraint.prescribed());
+        let prescribed = if constraint.held().is_none() { constraint.nodes(1.0) } else { &[] };
+        self.choose(network, prescribed);
         self.f.resize(network.node_count(), Vec3::zeros());
         self.change.resize(network.node_count(), Vec3::zeros());
 

@@ -1,5 +1,6 @@
 //! Steps of the whole network under a constraint that the caller imposes.
 
+use super::explicit::{Worker, run_by_two};
 use super::implicit::{Newton, NotSolved};
 use crate::Vec3;
 use crate::contact::operators::Support;
@@ -61,6 +62,9 @@ impl GlobalIntegrator {
 ///     h: f64,
 /// }
 /// impl Constraint for Led {
+///     fn nodes(&self, _: f64) -> &[u32] {
+///         &[1]
+///     }
 ///     fn accelerations(&self, a: &mut [Vec3]) {
 ///         a[1] = Vec3::zeros();
 ///     }
@@ -82,18 +86,32 @@ impl GlobalIntegrator {
 /// assert!((state.x[2].x - 7.0).abs() < 1e-3 && (state.v[2].x - 1.0).abs() < 1e-3); // and the other node follows
 /// ```
 pub trait Constraint {
+    /// The nodes that it acts on at this fraction of the step. It looks at no others.
+    fn nodes(&self, ahead: f64) -> &[u32];
     /// Makes accelerations respect it.
     fn accelerations(&self, a: &mut [Vec3]);
     /// Makes a state respect it, at a fraction `ahead` of the step that is being done: 0 as the step
     /// begins, 1 as it ends.
     fn state(&self, ahead: f64, state: &mut State);
-    /// The nodes that [`state`](Self::state) puts where it wants at the end of a step.
-    fn prescribed(&self) -> &[u32] {
-        &[]
-    }
-    /// The contact point that [`accelerations`](Self::accelerations) holds by its P.
+    /// The contact point that [`accelerations`](Self::accelerations) holds by its P; without one,
+    /// [`state`](Self::state) puts its nodes where it wants them.
     fn held(&self) -> Option<&Support> {
         None
+    }
+}
+
+impl<C: Constraint> Constraint for &C {
+    fn nodes(&self, ahead: f64) -> &[u32] {
+        (**self).nodes(ahead)
+    }
+    fn accelerations(&self, a: &mut [Vec3]) {
+        (**self).accelerations(a);
+    }
+    fn state(&self, ahead: f64, state: &mut State) {
+        (**self).state(ahead, state);
+    }
+    fn held(&self) -> Option<&Support> {
+        (**self).held()
     }
 }
 
@@ -102,8 +120,32 @@ pub trait Constraint {
 pub struct Unconstrained;
 
 impl Constraint for Unconstrained {
+    fn nodes(&self, _: f64) -> &[u32] {
+        &[]
+    }
     fn accelerations(&self, _: &mut [Vec3]) {}
     fn state(&self, _: f64, _: &mut State) {}
+}
+
+/// Equal steps, one after the other.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Steps {
+    /// h, s.
+    pub length: f64,
+    /// How many.
+    pub count: u32,
+    /// Who does them.
+    pub threads: Threads,
+}
+
+/// Threads that share a network. They change no bit of a result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Threads {
+    /// The one that calls.
+    One,
+    /// That and another, each with half of the nodes. Only semi-implicit Euler of a network that has
+    /// [`halves`](crate::model::springs::Springs::halves), and no contact point that is held across them: else one.
+    Two,
 }
 
 /// Integrates one network; holds the arrays that stages need.
@@ -125,6 +167,9 @@ impl Constraint for Unconstrained {
 /// ```
 #[derive(Debug, Clone)]
 pub struct Stepper {
+    worker: Worker,
+    /// The second thread's, from the first time that there is one.
+    second: Option<Box<Worker>>,
     f: Vec<Vec3>,
     stage: State,
     sum: State,
@@ -140,7 +185,16 @@ impl Stepper {
     pub fn new(network: &Network) -> Self {
         let zeros = vec![Vec3::zeros(); network.node_count()];
         let state = State { x: zeros.clone(), v: zeros.clone() };
-        Self { f: zeros, stage: state.clone(), sum: state, evaluations: 0, newton: Newton::default(), failure: None }
+        Self {
+            worker: Worker::new(network),
+            second: None,
+            f: zeros,
+            stage: state.clone(),
+            sum: state,
+            evaluations: 0,
+            newton: Newton::default(),
+            failure: None,
+        }
     }
 
     /// How often it evaluated a network's forces.
@@ -163,7 +217,10 @@ impl Stepper {
         constraint: &impl Constraint,
     ) {
         match integrator {
-            GlobalIntegrator::SemiImplicitEuler => self.semi_implicit_euler(network, state, h, constraint),
+            GlobalIntegrator::SemiImplicitEuler => {
+                let steps = Steps { length: h, count: 1, threads: Threads::One };
+                self.semi_implicit_euler(network, state, steps, |_| constraint);
+            }
             GlobalIntegrator::ImplicitEuler if self.failure.is_some() => {}
             GlobalIntegrator::ImplicitEuler => match self.newton.step(network, state, h, constraint) {
                 Ok(evaluations) => self.evaluations += evaluations,
@@ -174,18 +231,56 @@ impl Stepper {
         snap_to_rest(&mut state.v);
     }
 
-    /// Forces at the start, then positions by the new velocities.
-    fn semi_implicit_euler(&mut self, network: &Network, state: &mut State, h: f64, constraint: &impl Constraint) {
-        constraint.state(0.0, state);
-        network.forces(&state.x, &state.v, &mut self.f);
-        self.evaluations += 1;
-        accelerate(network, &mut self.f);
-        constraint.accelerations(&mut self.f);
-        for ((x, v), a) in state.x.iter_mut().zip(&mut state.v).zip(&self.f) {
-            *v += a * h;
-            *x += *v * h;
+    /// Steps under a constraint of each; the same to the last bit as one by one, and quicker.
+    pub fn steps<C: Constraint>(
+        &mut self,
+        integrator: GlobalIntegrator,
+        network: &Network,
+        state: &mut State,
+        steps: Steps,
+        constraint: impl Fn(u32) -> C + Sync,
+    ) {
+        match (integrator, steps.threads) {
+            (GlobalIntegrator::SemiImplicitEuler, Threads::Two) => self.by_two(network, state, steps, constraint),
+            (GlobalIntegrator::SemiImplicitEuler, Threads::One) => {
+                self.semi_implicit_euler(network, state, steps, constraint);
+            }
+            (GlobalIntegrator::ImplicitEuler | GlobalIntegrator::Rk4, _) => {
+                (0..steps.count)
+                    .for_each(|step| self.step(integrator, network, state, steps.length, &constraint(step)));
+            }
         }
-        constraint.state(1.0, state);
+    }
+
+    /// Forces at the start, then positions by the new velocities.
+    fn semi_implicit_euler<C: Constraint>(
+        &mut self,
+        network: &Network,
+        state: &mut State,
+        steps: Steps,
+        constraint: impl Fn(u32) -> C,
+    ) {
+        self.evaluations += u64::from(steps.count);
+        self.worker.run(network, state, steps, constraint);
+    }
+
+    fn by_two<C: Constraint>(
+        &mut self,
+        network: &Network,
+        state: &mut State,
+        steps: Steps,
+        constraint: impl Fn(u32) -> C + Sync,
+    ) {
+        if let Some(halves) = network.springs.halves()
+            && (0..steps.count).all(|step| constraint(step).held().is_none())
+        {
+            let second = self.second.get_or_insert_with(|| Box::new(Worker::new(network)));
+            if run_by_two([&mut self.worker, second], network, halves, state, steps, &constraint) {
+                self.evaluations += u64::from(steps.count);
+                return;
+            }
+        }
+        self.semi_implicit_euler(network, state, steps, constraint);
     }
 
     fn rk4(&mut self, network: &Network, state: &mut State, h: f64, constraint: &impl Constraint) {

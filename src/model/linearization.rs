@@ -2,19 +2,27 @@
 //! exterior + (t − t_k) K_LE v_E₀; under a condensed one K becomes K + C.
 
 use nalgebra::{DMatrix, DVector};
-use pulp::{Arch, NullaryFnOnce};
+use pulp::Arch;
 
+use super::columns::vectorize;
 use super::network::ExternalForce;
 use super::patch::Patch;
 use super::springs::TangentKind;
 use crate::{Mat3, Vec3};
 
-/// Rows that one pass of the matrix–vector product keeps in registers.
-const PANEL: usize = 24;
+/// Rows that one pass of the matrix–vector product keeps in registers: eleven of the sixteen that are 256 bits wide. The
+/// last panel has what is left, in whole registers.
+const PANEL: usize = 44;
+const REGISTER: usize = 4;
+
+/// dof rows with what fills up the last register.
+fn padded(dof: usize) -> usize {
+    dof.next_multiple_of(REGISTER)
+}
 
 /// Linear forces over a patch of m nodes.
 ///
-/// \[K D\] is stored in panels of 24 rows, each column by column, so that the product
+/// \[K D\] is stored in panels of up to 44 rows, each column by column, so that the product
 /// streams through memory once and the compiler can vectorise over rows. Without dampers and drag
 /// there is no D.
 ///
@@ -34,7 +42,7 @@ const PANEL: usize = 24;
 /// let (mut offset, mut f) = (vec![0.0; linear.offset_len()], vec![Vec3::zeros(); x.len()]);
 /// linear.evaluate(0.0, &x, &v, &mut offset, &mut f);
 /// let delta = Vec3::new(1e-4, 0.0, -2e-4);
-/// linear.add_displacement(3, delta, &mut f);
+/// linear.add_displacements([(3, delta)].into_iter(), &mut f);
 /// let mut all = f.clone();
 /// x[3] += delta;
 /// linear.evaluate(0.0, &x, &v, &mut offset, &mut all);
@@ -48,7 +56,7 @@ pub struct LinearForces {
     /// 3m, or 6m with D.
     columns: usize,
     panels: Vec<f64>,
-    /// Padded to whole panels.
+    /// Padded as the panels.
     f0: Vec<f64>,
     x0: Vec<Vec3>,
     v0: Vec<Vec3>,
@@ -80,8 +88,8 @@ impl LinearForces {
         let mut forces = Self {
             dof,
             columns,
-            panels: vec![0.0; dof.div_ceil(PANEL) * PANEL * columns],
-            f0: vec![0.0; dof.div_ceil(PANEL) * PANEL],
+            panels: vec![0.0; padded(dof) * columns],
+            f0: vec![0.0; padded(dof)],
             x0: x[..m].to_vec(),
             v0: v[..m].to_vec(),
             drift: exterior_velocity.map(|_| vec![Vec3::zeros(); m]),
@@ -137,8 +145,8 @@ impl LinearForces {
         let mut forces = Self {
             dof,
             columns: dof,
-            panels: vec![0.0; dof.div_ceil(PANEL) * PANEL * dof],
-            f0: vec![0.0; dof.div_ceil(PANEL) * PANEL],
+            panels: vec![0.0; padded(dof) * dof],
+            f0: vec![0.0; padded(dof)],
             x0: x0.to_vec(),
             v0: Vec::new(),
             drift: None,
@@ -171,7 +179,8 @@ impl LinearForces {
     }
 
     fn position(&self, row: usize, column: usize) -> usize {
-        (row / PANEL * self.columns + column) * PANEL + row % PANEL
+        let first = row / PANEL * PANEL;
+        first * self.columns + column * (self.f0.len() - first).min(PANEL) + row - first
     }
 
     /// Entry of \[K D\], N/m or N·s/m.
@@ -248,57 +257,70 @@ impl LinearForces {
     /// f = f₀ + \[K D\] z, with the widest vector instructions that the machine has. The result does not depend on
     /// them.
     fn multiply_add(&self, z: &[f64], f: &mut [f64]) {
-        if self.dof == 0 {
-            return;
-        }
-        let product = Product { forces: self, z, f };
-        match Arch::new() {
-            #[cfg(target_arch = "x86_64")]
-            Arch::V3(simd) => simd.vectorize(product),
-            _ => product.call(),
-        }
-    }
-
-    /// Adds what moving one node by `delta` changes: f += K_(·,slot) δ.
-    pub fn add_displacement(&self, slot: usize, delta: Vec3, f: &mut [Vec3]) {
-        let panels = self.panels.chunks_exact(PANEL * self.columns);
-        let f: &mut [f64] = bytemuck::cast_slice_mut(&mut f[..self.dof / 3]);
-        for (panel, f) in panels.zip(f.chunks_mut(PANEL)) {
-            let mut columns = panel[3 * slot * PANEL..].chunks_exact(PANEL);
-            if let (Some(x), Some(y), Some(z)) = (columns.next(), columns.next(), columns.next()) {
-                for (((f, x), y), z) in f.iter_mut().zip(x).zip(y).zip(z) {
-                    *f += x * delta.x + y * delta.y + z * delta.z;
+        vectorize(
+            Arch::new(),
+            #[inline(always)]
+            || {
+                for ((panel, f0), f) in self.panels().zip(f.chunks_mut(PANEL)) {
+                    multiply_panel(panel, f0, z, f);
                 }
-            }
-        }
+            },
+        );
     }
-}
 
-/// One product with \[K D\].
-struct Product<'a> {
-    forces: &'a LinearForces,
-    z: &'a [f64],
-    f: &'a mut [f64],
-}
-
-impl NullaryFnOnce for Product<'_> {
-    type Output = ();
-
+    /// Panels of \[K D\] with the rows of f₀ beside them.
     #[inline(always)]
-    fn call(self) {
-        let Self { forces: LinearForces { columns, panels, f0, .. }, z, f } = self;
-        let panels = panels.chunks_exact(PANEL * columns);
-        for ((panel, f0), f) in panels.zip(f0.chunks_exact(PANEL)).zip(f.chunks_mut(PANEL)) {
-            let mut sum = [0.0; PANEL];
-            sum.copy_from_slice(f0);
-            for (column, &z) in panel.chunks_exact(PANEL).zip(z) {
-                for (sum, entry) in sum.iter_mut().zip(column) {
-                    *sum += entry * z;
+    fn panels(&self) -> impl Iterator<Item = (&[f64], &[f64])> {
+        // Without rows there are no columns, and nothing to divide.
+        self.panels.chunks((PANEL * self.columns).max(1)).zip(self.f0.chunks(PANEL))
+    }
+
+    /// Adds what moving some nodes changes, each given as its slot and δ: f += Σ K_(·,slot) δ.
+    pub fn add_displacements(&self, moved: impl Iterator<Item = (usize, Vec3)>, f: &mut [Vec3]) {
+        let f: &mut [f64] = bytemuck::cast_slice_mut(&mut f[..self.dof / 3]);
+        vectorize(
+            Arch::new(),
+            #[inline(always)]
+            || {
+                for (slot, delta) in moved {
+                    for ((panel, f0), f) in self.panels().zip(f.chunks_mut(PANEL)) {
+                        let mut columns = panel.chunks_exact(f0.len()).skip(3 * slot);
+                        if let (Some(x), Some(y), Some(z)) = (columns.next(), columns.next(), columns.next()) {
+                            for (((f, x), y), z) in f.iter_mut().zip(x).zip(y).zip(z) {
+                                *f += x * delta.x + y * delta.y + z * delta.z;
+                            }
+                        }
+                    }
                 }
+            },
+        );
+    }
+}
+
+/// f = f₀ + panel z, in registers for every width that a panel may have.
+#[inline(always)]
+fn multiply_panel(panel: &[f64], f0: &[f64], z: &[f64], f: &mut [f64]) {
+    macro_rules! by_width {
+        ($($rows:literal)*) => {
+            match f0.len() {
+                $($rows => multiply_rows::<$rows>(panel, f0, z, f),)*
+                _ => multiply_rows::<PANEL>(panel, f0, z, f),
             }
-            f.copy_from_slice(&sum[..f.len()]);
+        };
+    }
+    by_width!(4 8 12 16 20 24 28 32 36 40);
+}
+
+#[inline(always)]
+fn multiply_rows<const ROWS: usize>(panel: &[f64], f0: &[f64], z: &[f64], f: &mut [f64]) {
+    let mut sum = [0.0; ROWS];
+    sum.copy_from_slice(f0);
+    for (column, &z) in panel.chunks_exact(ROWS).zip(z) {
+        for (sum, entry) in sum.iter_mut().zip(column) {
+            *sum += entry * z;
         }
     }
+    f.copy_from_slice(&sum[..f.len()]);
 }
 
 fn subtract(a: &[Vec3], b: &[Vec3], difference: &mut [f64]) {

@@ -445,10 +445,8 @@ impl LocalModel {
     pub fn update_forces(&self, elapsed: f64, state: &mut LocalState, moved: impl Iterator<Item = (usize, Vec3)>) {
         match &self.forces {
             LocalForces::Tangent(linear) => {
-                moved.for_each(|(slot, delta)| {
-                    linear.add_displacement(slot, delta, &mut state.f);
-                    state.work.displaced_nodes += 1;
-                });
+                let LocalState { f, work, .. } = state;
+                linear.add_displacements(moved.inspect(|_| work.displaced_nodes += 1), f);
             }
             LocalForces::Springs | LocalForces::SpringsAnd(_) => self.evaluate_forces(elapsed, state),
         }

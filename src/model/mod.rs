@@ -2,6 +2,7 @@
 //! that the haptic loop runs.
 
 pub mod coarse;
+pub mod columns;
 pub mod condensation;
 pub mod elimination;
 pub mod linearization;

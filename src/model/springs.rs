@@ -5,10 +5,13 @@
 
 mod sweep;
 
+use std::ops::Range;
+
 use pulp::Arch;
 
+use super::columns::Columns;
 use crate::{Mat3, Vec3};
-use sweep::{Block, LANES, LENGTH_SQUARED_FLOOR, Packet, Sweep};
+use sweep::{Constants, LANES, LENGTH_SQUARED_FLOOR, Packet, Rows, Section, sweep};
 
 /// One spring, as a value.
 ///
@@ -47,6 +50,58 @@ pub struct Spring {
 
 /// A packet with fewer lanes in use costs more than its springs one by one.
 const LEAST_LANES: usize = 3;
+/// With fewer springs, what two threads have to tell each other in a step costs more than the half that they save.
+const LEAST_SPLIT: usize = 8192;
+
+/// What is swept at one time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Part {
+    /// Springs within the lower half of the nodes; all springs where there are no halves.
+    Lower,
+    /// Springs within the upper half.
+    Upper,
+    /// Springs from one half to the other.
+    Seam,
+}
+
+const PARTS: usize = 3;
+
+impl Part {
+    pub const ALL: [Part; PARTS] = [Part::Lower, Part::Upper, Part::Seam];
+}
+
+/// A cut through a large network: nodes below and from `split` on, each with about half of the springs.
+///
+/// It is there whether or not two threads use it, and sums follow it, so that the bits of a result do not
+/// depend on threads.
+///
+/// ```
+/// use stickslip::model::{mesh::{Block, Stencil}, springs::{Spring, Springs}};
+///
+/// let springs = |nodes| {
+///     let mesh = Block { nodes, spacing: 0.01, stencil: Stencil::Full }.mesh();
+///     let spring = |&nodes: &[u32; 2]| Spring { nodes, stiffness: 100.0, damping: 0.0, rest_length: 0.01 };
+///     Springs::new(mesh.nodes.len(), &mesh.edges.iter().map(spring).collect::<Vec<_>>())
+/// };
+/// assert!(springs([9, 9, 4]).halves().is_none());
+/// // 16 layers of 256 nodes: cut in the middle, where one layer of each half meets the other.
+/// let springs = springs([16, 16, 16]);
+/// let halves = springs.halves().expect("46,620 springs");
+/// assert!(halves.split.abs_diff(2048) < 256 && halves.reach.len() < 3 * 256);
+/// ```
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Halves {
+    /// The first node of the upper half.
+    pub split: usize,
+    /// The nodes between which springs go from one half to the other, and what lies between them.
+    pub reach: Range<usize>,
+}
+
+impl Halves {
+    fn at(split: usize) -> Self {
+        Self { split, reach: split..split }
+    }
+}
 
 /// Many springs, laid out for the force sweep.
 ///
@@ -77,9 +132,9 @@ const LEAST_LANES: usize = 3;
 pub struct Springs {
     /// Every spring, by its lower and then its upper node.
     all: Vec<Spring>,
-    blocks: Vec<Block>,
-    packets: Vec<Packet>,
-    singles: Vec<Spring>,
+    /// What is swept, in the order of [`Part`].
+    sections: [Section; PARTS],
+    halves: Option<Halves>,
     /// Whether any spring has a damper; without, the damping term is not computed.
     damped: bool,
 }
@@ -105,7 +160,9 @@ impl Springs {
             .collect();
         all.sort_by_key(|spring| spring.nodes);
         let damped = all.iter().any(|spring| spring.damping != 0.0);
-        let mut layout = Self { damped, ..Self::default() };
+        let split =
+            if all.len() < LEAST_SPLIT { None } else { Some(all[all.len() / 2].nodes[0] as usize / LANES * LANES) };
+        let mut layout = Self { damped, halves: split.map(Halves::at), ..Self::default() };
         for block in all.chunk_by(|a, b| a.nodes[0] as usize / LANES == b.nodes[0] as usize / LANES) {
             layout.add_block(block, node_count);
         }
@@ -116,39 +173,48 @@ impl Springs {
     /// Packs the springs whose lower nodes are in one block.
     fn add_block(&mut self, springs: &[Spring], node_count: usize) {
         let first_node = springs[0].nodes[0] as usize / LANES * LANES;
-        let first_packet = self.packets.len();
         let distance = |spring: &Spring| spring.nodes[1] - spring.nodes[0];
         let mut by_distance = springs.to_vec();
         by_distance.sort_by_key(|spring| (distance(spring), spring.nodes[0]));
+        let mut packets: [Vec<Packet>; PARTS] = Default::default();
         for packed in by_distance.chunk_by(|a, b| distance(a) == distance(b)) {
             let upper = first_node + distance(&packed[0]) as usize;
             // Two springs between the same nodes do not fit into one lane.
             let distinct = packed.windows(2).all(|pair| pair[0].nodes[0] < pair[1].nodes[0]);
             if packed.len() < LEAST_LANES || upper + LANES > node_count || !distinct {
-                self.singles.extend_from_slice(packed);
+                for spring in packed {
+                    let part = self.part(first_node, spring.nodes[1] as usize..spring.nodes[1] as usize + 1);
+                    self.sections[part as usize].add_single(spring);
+                }
                 continue;
             }
-            let mut packet =
-                Packet { upper, stiffness: [0.0; LANES], damping: [0.0; LANES], rest_length: [0.0; LANES] };
+            let mut packet = Packet { upper, constants: Constants::default() };
             for spring in packed {
-                let lane = spring.nodes[0] as usize - first_node;
-                packet.stiffness[lane] = spring.stiffness;
-                packet.damping[lane] = spring.damping;
-                packet.rest_length[lane] = spring.rest_length;
+                packet.constants.set(spring.nodes[0] as usize - first_node, spring);
             }
-            self.packets.push(packet);
+            packets[self.part(first_node, upper..upper + LANES) as usize].push(packet);
         }
-        // Neighbouring distances write overlapping runs; a load that overlaps a store just done has
-        // to wait for it, so packets that follow each other are taken from far apart.
-        let mut ordered: Vec<Packet> = Vec::with_capacity(self.packets.len() - first_packet);
-        for start in 0..LANES {
-            ordered.extend(self.packets[first_packet..].iter().skip(start).step_by(LANES).cloned());
+        for (section, packets) in self.sections.iter_mut().zip(packets) {
+            section.add_block(first_node, &packets);
         }
-        self.packets.truncate(first_packet);
-        self.packets.append(&mut ordered);
-        if self.packets.len() > first_packet {
-            self.blocks.push(Block { first_node, packets: first_packet..self.packets.len() });
+    }
+
+    /// Where springs belong from a block of lower nodes to a run of upper ones.
+    fn part(&mut self, first_node: usize, upper: Range<usize>) -> Part {
+        match &mut self.halves {
+            Some(halves) if first_node >= halves.split => Part::Upper,
+            Some(halves) if upper.end > halves.split => {
+                halves.reach.start = halves.reach.start.min(first_node);
+                halves.reach.end = halves.reach.end.max(upper.end);
+                Part::Seam
+            }
+            _ => Part::Lower,
         }
+    }
+
+    /// How two threads may share the springs; none where there are too few for that.
+    pub fn halves(&self) -> Option<&Halves> {
+        self.halves.as_ref()
     }
 
     /// Number of springs.
@@ -178,11 +244,22 @@ impl Springs {
     }
 
     fn add_forces_on(&self, arch: Arch, x: &[Vec3], v: &[Vec3], f: &mut [Vec3]) {
-        let Self { blocks, packets, singles, .. } = self;
+        for section in &self.sections {
+            if self.damped {
+                sweep::<true>(arch, section, Rows::new(x, v, f));
+            } else {
+                sweep::<false>(arch, section, Rows::new(x, v, f));
+            }
+        }
+    }
+
+    /// The same for a part of the springs and nodes in columns.
+    pub(crate) fn add_to_columns(&self, arch: Arch, part: Part, columns: &mut Columns) {
+        let section = &self.sections[part as usize];
         if self.damped {
-            Sweep::<true> { blocks, packets, singles, x, v, f }.on(arch);
+            sweep::<true>(arch, section, columns.axes());
         } else {
-            Sweep::<false> { blocks, packets, singles, x, v, f }.on(arch);
+            sweep::<false>(arch, section, columns.axes());
         }
     }
 
@@ -239,11 +316,17 @@ impl Spring {
 mod tests {
     use super::*;
     use crate::model::mesh::{Block, Stencil};
+    use crate::model::network::State;
 
     /// Every level of vector instructions that this machine has gives the same bits.
     #[test]
     fn bits_do_not_depend_on_vector_instructions() {
-        let mesh = Block { nodes: [7, 6, 5], spacing: 0.0125, stencil: Stencil::Full }.mesh();
+        // Below and above the size from which there are halves.
+        [[7, 6, 5], [11, 10, 9]].into_iter().for_each(bits_agree);
+    }
+
+    fn bits_agree(nodes: [usize; 3]) {
+        let mesh = Block { nodes, spacing: 0.0125, stencil: Stencil::Full }.mesh();
         let wave = |k: f64, i: usize| (k * i as f64).sin();
         let springs: Vec<Spring> = mesh
             .edges
@@ -262,15 +345,29 @@ mod tests {
         };
         let x: Vec<Vec3> = mesh.nodes.iter().zip(moved(2e-3)).map(|(x, d)| x + d).collect();
         let v: Vec<Vec3> = moved(0.3).collect();
+        let bits = |of: &mut dyn Iterator<Item = Vec3>| -> Vec<u64> {
+            of.flat_map(|f| f.iter().map(|f| f.to_bits()).collect::<Vec<_>>()).collect()
+        };
         let forces = |arch: Arch| {
             let mut f = vec![Vec3::zeros(); x.len()];
             springs.add_forces_on(arch, &x, &v, &mut f);
-            f.iter().flat_map(|f| f.iter().map(|f| f.to_bits()).collect::<Vec<_>>()).collect::<Vec<_>>()
+            bits(&mut f.into_iter())
         };
-        assert!(springs.packets.len() > 100 && !springs.singles.is_empty());
+        let in_columns = |arch: Arch| {
+            let mut columns = Columns::new(x.len());
+            columns.load(&State { x: x.clone(), v: v.clone() });
+            Part::ALL.into_iter().for_each(|part| springs.add_to_columns(arch, part, &mut columns));
+            bits(&mut (0..x.len()).map(|node| columns.force(node)))
+        };
+        assert!(springs.sections[0].packets.len() > 100 && !springs.sections[0].quartets.is_empty());
+        assert!(
+            springs.halves().is_some() == (nodes[0] == 11) && springs.sections[2].packets.is_empty() == (nodes[0] < 11)
+        );
         let best = Arch::new();
+        let rows = forces(best);
+        assert!(in_columns(best) == rows && in_columns(Arch::Scalar) == rows, "columns give other bits than rows");
         #[cfg(target_arch = "x86_64")]
-        assert!(forces(Arch::Scalar) == forces(best), "{best:?} gives other bits than the baseline");
+        assert!(forces(Arch::Scalar) == rows, "{best:?} gives other bits than the baseline");
         println!("RESIDUAL | the baseline's instructions | forces with the machine's best, bits that differ | 0 | 0");
     }
 }

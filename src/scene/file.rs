@@ -116,6 +116,7 @@ pub struct GlobalTable {
     #[serde(default)]
     pub integrator: GlobalIntegratorName,
     pub substeps: Option<Spanned<u32>>,
+    pub threads: Option<Spanned<u32>>,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -63,10 +63,14 @@ pub const KEYS: &[(&str, &str)] = &[
     ),
     ("material.drag", "a finite number of at least 0, in N·s/m (default 0)"),
     ("material.gravity", "three finite numbers, in m/s² (default [0, 0, 0])"),
-    ("global", "a table of `rate`, `integrator`, `substeps`"),
+    ("global", "a table of `rate`, `integrator`, `substeps`, `threads`"),
     ("global.rate", "a finite number above 0, in Hz, of which `local.rate` is a whole multiple (default 10)"),
     ("global.integrator", "\"semi-implicit-euler\" (default), \"implicit-euler\" or \"rk4\""),
     ("global.substeps", "a whole number of at least 1: equal steps per cycle (default 100)"),
+    (
+        "global.threads",
+        "1 (default) or 2, which share a network of at least 8,192 springs and change no bit of a result; with `integrator = \"semi-implicit-euler\"` and `sync.mode = \"replay\"`",
+    ),
     (
         "local",
         "a table of `rate`, `model`, `rings`, `linearization`, `exterior`, `tangent`, `condense_rings`, `far_field`, `integrator`",

@@ -23,7 +23,7 @@ use crate::contact::surface::ContactSurface;
 use crate::contact::tick::ContactRules;
 use crate::device::instrument::{InstrumentError, InstrumentKind, TipPath};
 use crate::dynamics::global::SyncMode;
-use crate::dynamics::integrators::GlobalIntegrator;
+use crate::dynamics::integrators::{GlobalIntegrator, Threads};
 use crate::dynamics::settle::SettleError;
 use crate::model::local::LocalSettings;
 use crate::model::network::Material;
@@ -106,6 +106,8 @@ pub struct GlobalSettings {
     pub integrator: GlobalIntegrator,
     /// Equal steps per cycle.
     pub substeps: u32,
+    /// Threads that share them.
+    pub threads: Threads,
     /// How it takes in the local model's cycle.
     pub sync: SyncMode,
     /// Ticks from the state a model is built from to its first use.

@@ -10,7 +10,7 @@ use crate::contact::surface::ContactSurface;
 use crate::contact::tick::Scheme;
 use crate::device::instrument::InstrumentKind;
 use crate::dynamics::global::SyncMode;
-use crate::dynamics::integrators::GlobalIntegrator;
+use crate::dynamics::integrators::{GlobalIntegrator, Threads};
 use crate::model::condensation::{Condensation, FarField, Reach};
 use crate::model::local::{ExteriorKind, Linearization};
 use crate::model::material::PerSpring;
@@ -143,6 +143,7 @@ impl Scene {
                 self.global.integrator == GlobalIntegrator::ImplicitEuler && !self.is_full,
                 format!("global.integrator = {:?}", self.global.integrator.name()),
             ),
+            part("second thread for the network", self.global.threads == Threads::Two, "global.threads = 1".to_owned()),
             part(
                 "hand-over latency",
                 self.global.latency_ticks > 0,

@@ -1,5 +1,6 @@
 //! From the scene file to a scene: ranges, and which keys go together.
 
+mod global;
 mod instrument;
 mod material;
 mod mesh;
@@ -14,13 +15,11 @@ use toml::Spanned;
 use super::error::{Problem, SceneError};
 use super::file::*;
 use super::keys::accepted;
-use super::{GlobalSettings, Scene, Schedule, Source};
+use super::{Scene, Schedule, Source};
 use crate::contact::law::Law;
 use crate::contact::operators::Metric;
 use crate::contact::surface::ContactSurface;
 use crate::contact::tick::{ContactRules, Deformation, Scheme, Wall};
-use crate::dynamics::global::SyncMode;
-use crate::dynamics::integrators::GlobalIntegrator;
 use crate::model::condensation::{Condensation, FarField, Reach};
 use crate::model::local::{ExteriorKind, Linearization, LocalSettings};
 use crate::model::patch::Extent;
@@ -112,28 +111,7 @@ impl Checker {
         let material = self.material(&file.material, &mesh)?;
         let settle = self.settle(&file.settle, &material)?;
 
-        let latency_ticks = match &file.sync.latency_ticks {
-            Some(latency) if *latency.get_ref() >= ticks_per_cycle => {
-                let value = format!("{}: one global cycle has {ticks_per_cycle} ticks", latency.get_ref());
-                return Err(self.error(Problem::NotAccepted { key: "sync.latency_ticks", value }, latency.span()));
-            }
-            Some(latency) => *latency.get_ref(),
-            None => 0,
-        };
-        let global = GlobalSettings {
-            rate: global_rate,
-            integrator: match file.global.integrator {
-                GlobalIntegratorName::SemiImplicitEuler => GlobalIntegrator::SemiImplicitEuler,
-                GlobalIntegratorName::ImplicitEuler => GlobalIntegrator::ImplicitEuler,
-                GlobalIntegratorName::Rk4 => GlobalIntegrator::Rk4,
-            },
-            substeps: self.count_or("global.substeps", &file.global.substeps, 100)?,
-            sync: match file.sync.mode {
-                SyncName::Replay => SyncMode::Replay,
-                SyncName::Overwrite => SyncMode::Overwrite,
-            },
-            latency_ticks,
-        };
+        let global = self.global(&file, global_rate, ticks_per_cycle)?;
         let schedule = match file.run.schedule {
             ScheduleName::Lockstep => Schedule::Lockstep,
             ScheduleName::Threads => Schedule::Threads,

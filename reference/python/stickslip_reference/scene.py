@@ -20,7 +20,7 @@ DEFAULTS = {
              "path": OPTIONAL, "scale": 1.0, "layers": OPTIONAL, "layer_depth": OPTIONAL, "anchor": OPTIONAL},
     "material": {"node_mass": OPTIONAL, "density": OPTIONAL, "stiffness": OPTIONAL, "young_modulus": OPTIONAL,
                  "damping": OPTIONAL, "damping_ratio": OPTIONAL, "gravity": [0.0, 0.0, 0.0], "drag": 0.0},
-    "global": {"rate": 10.0, "integrator": "semi-implicit-euler", "substeps": 100},
+    "global": {"rate": 10.0, "integrator": "semi-implicit-euler", "substeps": 100, "threads": 1},
     "local": {"rate": 1000.0, "model": "patch", "rings": 1, "linearization": "tangent", "exterior": "fixed",
               "tangent": "exact", "integrator": "semi-implicit-euler", "condense_rings": "all"},
     "contact": {"law": REQUIRED, "friction": OPTIONAL, "scheme": "geometric", "surface": "faceted",
@@ -64,6 +64,7 @@ ORTHOGONAL = 1e-9  # what R^T R may differ from the identity by
 # What this reference implements; anything else is refused rather than approximated.
 COVERED = {
     ("global", "integrator"): ("semi-implicit-euler", "implicit-euler", "rk4"),
+    ("global", "threads"): (1, 2),  # which changes no result
     ("local", "model"): ("patch", "full"),
     ("local", "linearization"): ("tangent", "none"),
     ("local", "exterior"): ("fixed", "drifting", "condensed"),

@@ -1,17 +1,18 @@
 //! The force sweep: four springs at a time, with what vector instructions the machine has.
 //!
 //! With s = d·d the force on a node is d \[k(ℓ − L)ℓ + c ω·d\]/s, ℓ = √s: root and division do not wait for each other,
-//! and a spring at its rest length has exactly no force, so that what rests stays where it is. Everything is written in terms of four doubles side by side, [`Quad`]; its implementations do the same
-//! operations in the same order, without fused multiply-adds, so that every machine gives the same bits.
+//! and a spring at its rest length has exactly no force, so that what rests stays where it is.
+//! Everything is written in terms of four doubles side by side, [`Quad`]; its implementations do the same operations in
+//! the same order, without fused multiply-adds, so that every machine gives the same bits. Nor do these depend on whether
+//! nodes are stored one by one or by axis ([`Ends`]).
 
 use std::ops::Range;
 
 use pulp::Arch;
-#[cfg(target_arch = "x86_64")]
-use pulp::NullaryFnOnce;
 
 use super::Spring;
 use crate::Vec3;
+use crate::model::columns::Axes;
 
 /// Added to ℓ² so that a spring of no length has a direction of zero, hence no force, instead of
 /// NaN. Below half an ulp of ℓ² for every spring longer than 2e-7 m: there it changes no bit.
@@ -32,15 +33,75 @@ pub(super) struct Block {
 pub(super) struct Packet {
     /// First of the upper nodes.
     pub upper: usize,
-    pub stiffness: [f64; LANES],
-    pub damping: [f64; LANES],
-    pub rest_length: [f64; LANES],
+    pub constants: Constants,
+}
+
+/// k, c and L of four springs; zero where there is none.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Constants {
+    stiffness: [f64; LANES],
+    damping: [f64; LANES],
+    rest_length: [f64; LANES],
+}
+
+impl Constants {
+    pub fn set(&mut self, lane: usize, spring: &Spring) {
+        self.stiffness[lane] = spring.stiffness;
+        self.damping[lane] = spring.damping;
+        self.rest_length[lane] = spring.rest_length;
+    }
+}
+
+/// Up to four springs between any nodes, which are read and written one by one, and computed side by side.
+#[derive(Debug, Clone)]
+pub(super) struct Quartet {
+    count: usize,
+    /// Beyond `count` a node and itself.
+    nodes: [[u32; 2]; LANES],
+    constants: Constants,
+}
+
+/// What is swept at one time: packets, then springs that fill none.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Section {
+    pub blocks: Vec<Block>,
+    pub packets: Vec<Packet>,
+    pub quartets: Vec<Quartet>,
+}
+
+impl Section {
+    /// Appends packets with the same lower nodes.
+    pub fn add_block(&mut self, first_node: usize, packets: &[Packet]) {
+        // Neighbouring distances write overlapping runs; a load that overlaps a store just done has
+        // to wait for it, so packets that follow each other are taken from far apart.
+        let first_packet = self.packets.len();
+        for start in 0..LANES {
+            self.packets.extend(packets.iter().skip(start).step_by(LANES).cloned());
+        }
+        if !packets.is_empty() {
+            self.blocks.push(Block { first_node, packets: first_packet..self.packets.len() });
+        }
+    }
+
+    /// Appends a spring that is in no packet.
+    pub fn add_single(&mut self, spring: &Spring) {
+        if self.quartets.last().is_none_or(|last| last.count == LANES) {
+            let nodes = [[spring.nodes[0]; 2]; LANES];
+            self.quartets.push(Quartet { count: 0, nodes, constants: Constants::default() });
+        }
+        if let Some(last) = self.quartets.last_mut() {
+            last.nodes[last.count] = spring.nodes;
+            last.constants.set(last.count, spring);
+            last.count += 1;
+        }
+    }
 }
 
 /// Four doubles side by side.
-trait Quad: Copy {
+pub(super) trait Quad: Copy {
     type Lanes: Copy;
     fn lanes(self, values: [f64; LANES]) -> Self::Lanes;
+    fn array(self, lanes: Self::Lanes) -> [f64; LANES];
     fn add(self, a: Self::Lanes, b: Self::Lanes) -> Self::Lanes;
     fn sub(self, a: Self::Lanes, b: Self::Lanes) -> Self::Lanes;
     fn mul(self, a: Self::Lanes, b: Self::Lanes) -> Self::Lanes;
@@ -62,6 +123,10 @@ impl Quad for Baseline {
     #[inline(always)]
     fn lanes(self, values: [f64; LANES]) -> Self::Lanes {
         values
+    }
+    #[inline(always)]
+    fn array(self, lanes: Self::Lanes) -> [f64; LANES] {
+        lanes
     }
     #[inline(always)]
     fn add(self, a: Self::Lanes, b: Self::Lanes) -> Self::Lanes {
@@ -107,6 +172,10 @@ impl Quad for Avx2 {
     #[inline(always)]
     fn lanes(self, values: [f64; LANES]) -> Self::Lanes {
         pulp::cast(values)
+    }
+    #[inline(always)]
+    fn array(self, lanes: Self::Lanes) -> [f64; LANES] {
+        pulp::cast(lanes)
     }
     #[inline(always)]
     fn add(self, a: Self::Lanes, b: Self::Lanes) -> Self::Lanes {
@@ -157,64 +226,146 @@ impl Quad for Avx2 {
     }
 }
 
-/// What a sweep reads and writes.
-pub(super) struct Sweep<'a, const DAMPED: bool> {
-    pub blocks: &'a [Block],
-    pub packets: &'a [Packet],
-    pub singles: &'a [Spring],
-    pub x: &'a [Vec3],
-    pub v: &'a [Vec3],
-    pub f: &'a mut [Vec3],
+/// Where a sweep finds the ends of springs, and puts their forces: node by node, or axis by axis.
+pub(super) trait Ends {
+    fn positions<Q: Quad>(&self, q: Q, first: usize) -> [Q::Lanes; 3];
+    fn velocities<Q: Quad>(&self, q: Q, first: usize) -> [Q::Lanes; 3];
+    fn push<Q: Quad>(&mut self, q: Q, first: usize, forces: [Q::Lanes; 3]);
+    /// (d, ω) from node j to node i.
+    fn differences(&self, i: usize, j: usize) -> (Vec3, Vec3);
+    fn push_one(&mut self, node: usize, force: Vec3);
 }
 
-impl<const DAMPED: bool> Sweep<'_, DAMPED> {
-    /// Adds every force, on the widest lanes that `arch` offers.
-    pub fn on(self, arch: Arch) {
-        match arch {
-            #[cfg(target_arch = "x86_64")]
-            Arch::V3(simd) => simd.vectorize(OnQuads(Avx2(simd), self)),
-            _ => self.by(Baseline),
-        }
-    }
+/// Node by node.
+pub(super) struct Rows<'a> {
+    x: &'a [Vec3],
+    v: &'a [Vec3],
+    f: &'a mut [Vec3],
+}
 
-    #[inline(always)]
-    fn by<Q: Quad>(self, q: Q) {
-        let Self { blocks, packets, singles, x, v, f } = self;
+impl<'a> Rows<'a> {
+    pub fn new(x: &'a [Vec3], v: &'a [Vec3], f: &'a mut [Vec3]) -> Self {
         // One length for all three, so that one check serves them.
-        let (x, v) = (&x[..f.len()], &v[..f.len()]);
-        let floor = q.lanes([LENGTH_SQUARED_FLOOR; LANES]);
-        let one = q.lanes([1.0; LANES]);
-        for block in blocks {
-            let (xi, vi) = (q.by_axis(run(x, block.first_node)), q.by_axis(run(v, block.first_node)));
-            let mut sum = [q.lanes([0.0; LANES]); 3];
-            for packet in &packets[block.packets.clone()] {
-                let xj = q.by_axis(run(x, packet.upper));
-                // Both differences the other way round: a register minus memory is one instruction.
-                let d: [Q::Lanes; 3] = std::array::from_fn(|axis| q.sub(xi[axis], xj[axis]));
-                let square = q.add(dot(q, d, d), floor);
-                let length = q.sqrt(square);
-                let inverse = q.div(one, square);
-                let stretch = q.sub(length, q.lanes(packet.rest_length));
-                let mut tension = q.mul(q.mul(q.lanes(packet.stiffness), stretch), length);
-                if DAMPED {
-                    let vj = q.by_axis(run(v, packet.upper));
-                    let omega: [Q::Lanes; 3] = std::array::from_fn(|axis| q.sub(vi[axis], vj[axis]));
-                    tension = q.add(tension, q.mul(q.lanes(packet.damping), dot(q, omega, d)));
-                }
-                let scale = q.mul(tension, inverse);
-                let force = d.map(|d| q.mul(d, scale));
-                q.add_to(force, run_mut(f, packet.upper));
-                sum = std::array::from_fn(|axis| q.sub(sum[axis], force[axis]));
-            }
-            q.add_to(sum, run_mut(f, block.first_node));
-        }
-        for spring in singles {
-            let [i, j] = spring.nodes.map(|node| node as usize);
-            let force = spring.force::<DAMPED>(x[i] - x[j], v[i] - v[j]);
-            f[j] += force;
-            f[i] -= force;
+        Self { x: &x[..f.len()], v: &v[..f.len()], f }
+    }
+}
+
+impl Ends for Rows<'_> {
+    #[inline(always)]
+    fn positions<Q: Quad>(&self, q: Q, first: usize) -> [Q::Lanes; 3] {
+        q.by_axis(run(self.x, first))
+    }
+    #[inline(always)]
+    fn velocities<Q: Quad>(&self, q: Q, first: usize) -> [Q::Lanes; 3] {
+        q.by_axis(run(self.v, first))
+    }
+    #[inline(always)]
+    fn push<Q: Quad>(&mut self, q: Q, first: usize, forces: [Q::Lanes; 3]) {
+        q.add_to(forces, run_mut(self.f, first));
+    }
+    #[inline(always)]
+    fn differences(&self, i: usize, j: usize) -> (Vec3, Vec3) {
+        (self.x[i] - self.x[j], self.v[i] - self.v[j])
+    }
+    #[inline(always)]
+    fn push_one(&mut self, node: usize, force: Vec3) {
+        self.f[node] += force;
+    }
+}
+
+impl Ends for Axes<'_> {
+    #[inline(always)]
+    fn positions<Q: Quad>(&self, q: Q, first: usize) -> [Q::Lanes; 3] {
+        std::array::from_fn(|axis| q.lanes(*run(self.x[axis], first)))
+    }
+    #[inline(always)]
+    fn velocities<Q: Quad>(&self, q: Q, first: usize) -> [Q::Lanes; 3] {
+        std::array::from_fn(|axis| q.lanes(*run(self.v[axis], first)))
+    }
+    #[inline(always)]
+    fn push<Q: Quad>(&mut self, q: Q, first: usize, forces: [Q::Lanes; 3]) {
+        for (f, force) in self.f.iter_mut().zip(forces) {
+            let f = run_mut(f, first);
+            *f = q.array(q.add(q.lanes(*f), force));
         }
     }
+    #[inline(always)]
+    fn differences(&self, i: usize, j: usize) -> (Vec3, Vec3) {
+        let between = |of: &[&mut [f64]; 3]| Vec3::from_fn(|axis, _| of[axis][i] - of[axis][j]);
+        (between(&self.x), between(&self.v))
+    }
+    #[inline(always)]
+    fn push_one(&mut self, node: usize, force: Vec3) {
+        self.f.iter_mut().zip(force.iter()).for_each(|(f, force)| f[node] += force);
+    }
+}
+
+/// Adds the forces of a section's springs to those of their ends, on the widest lanes that `arch` offers.
+pub(super) fn sweep<const DAMPED: bool>(arch: Arch, section: &Section, ends: impl Ends) {
+    match arch {
+        #[cfg(target_arch = "x86_64")]
+        Arch::V3(simd) => simd.vectorize(
+            #[inline(always)]
+            || add_forces::<DAMPED, _>(Avx2(simd), section, ends),
+        ),
+        _ => add_forces::<DAMPED, _>(Baseline, section, ends),
+    }
+}
+
+#[inline(always)]
+fn add_forces<const DAMPED: bool, Q: Quad>(q: Q, section: &Section, mut ends: impl Ends) {
+    let Section { blocks, packets, quartets } = section;
+    for block in blocks {
+        let (xi, vi) = (ends.positions(q, block.first_node), ends.velocities(q, block.first_node));
+        let mut sum = [q.lanes([0.0; LANES]); 3];
+        for packet in &packets[block.packets.clone()] {
+            // Both differences the other way round: a register minus memory is one instruction.
+            let difference = |a: [Q::Lanes; 3], b: [Q::Lanes; 3]| std::array::from_fn(|axis| q.sub(a[axis], b[axis]));
+            let d = difference(xi, ends.positions(q, packet.upper));
+            let omega = || difference(vi, ends.velocities(q, packet.upper));
+            let force = forces::<DAMPED, Q>(q, &packet.constants, d, omega);
+            ends.push(q, packet.upper, force);
+            sum = std::array::from_fn(|axis| q.sub(sum[axis], force[axis]));
+        }
+        ends.push(q, block.first_node, sum);
+    }
+    for Quartet { count, nodes, constants } in quartets {
+        let nodes = nodes.map(|nodes| nodes.map(|node| node as usize));
+        let (mut d, mut omega) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
+        for (lane, &[i, j]) in nodes.iter().enumerate() {
+            let between = ends.differences(i, j);
+            for axis in 0..3 {
+                (d[axis][lane], omega[axis][lane]) = (between.0[axis], between.1[axis]);
+            }
+        }
+        let force = forces::<DAMPED, Q>(q, constants, d.map(|d| q.lanes(d)), || omega.map(|omega| q.lanes(omega)));
+        let force = force.map(|force| q.array(force));
+        for (lane, &[i, j]) in nodes.iter().enumerate().take(*count) {
+            let force = Vec3::new(force[0][lane], force[1][lane], force[2][lane]);
+            ends.push_one(j, force);
+            ends.push_one(i, -force);
+        }
+    }
+}
+
+/// f_j from d = x_i − x_j and ω = v_i − v_j.
+#[inline(always)]
+fn forces<const DAMPED: bool, Q: Quad>(
+    q: Q,
+    constants: &Constants,
+    d: [Q::Lanes; 3],
+    omega: impl FnOnce() -> [Q::Lanes; 3],
+) -> [Q::Lanes; 3] {
+    let square = q.add(dot(q, d, d), q.lanes([LENGTH_SQUARED_FLOOR; LANES]));
+    let length = q.sqrt(square);
+    let inverse = q.div(q.lanes([1.0; LANES]), square);
+    let stretch = q.sub(length, q.lanes(constants.rest_length));
+    let mut tension = q.mul(q.mul(q.lanes(constants.stiffness), stretch), length);
+    if DAMPED {
+        tension = q.add(tension, q.mul(q.lanes(constants.damping), dot(q, omega(), d)));
+    }
+    let scale = q.mul(tension, inverse);
+    d.map(|d| q.mul(d, scale))
 }
 
 #[inline(always)]
@@ -223,41 +374,11 @@ fn dot<Q: Quad>(q: Q, a: [Q::Lanes; 3], b: [Q::Lanes; 3]) -> Q::Lanes {
 }
 
 #[inline(always)]
-fn run(vectors: &[Vec3], first: usize) -> &[Vec3; LANES] {
-    vectors[first..].first_chunk().expect("packets end before the nodes do")
+fn run<T>(values: &[T], first: usize) -> &[T; LANES] {
+    values[first..].first_chunk().expect("packets end before the nodes do")
 }
 
 #[inline(always)]
-fn run_mut(vectors: &mut [Vec3], first: usize) -> &mut [Vec3; LANES] {
-    vectors[first..].first_chunk_mut().expect("packets end before the nodes do")
-}
-
-#[cfg(target_arch = "x86_64")]
-struct OnQuads<'a, const DAMPED: bool>(Avx2, Sweep<'a, DAMPED>);
-
-#[cfg(target_arch = "x86_64")]
-impl<const DAMPED: bool> NullaryFnOnce for OnQuads<'_, DAMPED> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        let Self(quad, sweep) = self;
-        sweep.by(quad);
-    }
-}
-
-impl Spring {
-    /// f_j from d = x_i − x_j and ω = v_i − v_j, in the operations of a packet's lanes.
-    #[inline(always)]
-    fn force<const DAMPED: bool>(&self, d: Vec3, omega: Vec3) -> Vec3 {
-        let dot = |a: Vec3, b: Vec3| a.x * b.x + a.y * b.y + a.z * b.z;
-        let square = dot(d, d) + LENGTH_SQUARED_FLOOR;
-        let inverse = 1.0 / square;
-        let length = square.sqrt();
-        let mut tension = self.stiffness * (length - self.rest_length) * length;
-        if DAMPED {
-            tension += self.damping * dot(omega, d);
-        }
-        d * (tension * inverse)
-    }
+fn run_mut<T>(values: &mut [T], first: usize) -> &mut [T; LANES] {
+    values[first..].first_chunk_mut().expect("packets end before the nodes do")
 }

@@ -1,0 +1,199 @@
+//! Semi-implicit Euler (11) over columns, by one thread or by two that share the network's halves.
+//!
+//! Both ways do the same operations in the same order for every node: springs of its half, then springs of the seam. Of
+//! two threads each moves the nodes of its half. What the seam's springs need of the other half goes across as a message
+//! once a step, while each sweeps its own springs; both then compute the forces in the seam, rather than wait for
+//! each other a second time.
+
+use std::ops::Range;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread;
+
+use pulp::Arch;
+
+use super::integrators::{Constraint, Steps};
+use crate::Vec3;
+use crate::model::columns::Columns;
+use crate::model::network::{Network, State};
+use crate::model::springs::{Halves, Part};
+
+/// What one thread needs for its nodes.
+#[derive(Debug, Clone)]
+pub(super) struct Worker {
+    columns: Columns,
+    /// As constraints want nodes; only those that they act on are set.
+    imposed: State,
+    accelerations: Vec<Vec3>,
+}
+
+impl Worker {
+    pub fn new(network: &Network) -> Self {
+        let zeros = vec![Vec3::zeros(); network.node_count()];
+        Self {
+            columns: Columns::new(zeros.len()),
+            imposed: State { x: zeros.clone(), v: zeros.clone() },
+            accelerations: zeros,
+        }
+    }
+
+    /// All steps, by this thread alone.
+    pub fn run<C: Constraint>(
+        &mut self,
+        network: &Network,
+        state: &mut State,
+        steps: Steps,
+        constraint: impl Fn(u32) -> C,
+    ) {
+        let all = 0..network.node_count();
+        self.columns.load(state);
+        for step in 0..steps.count {
+            let constraint = constraint(step);
+            self.impose(0.0, &constraint);
+            for part in Part::ALL {
+                network.springs.add_to_columns(Arch::new(), part, &mut self.columns);
+            }
+            self.finish(network, steps.length, all.clone(), &constraint);
+        }
+        self.columns.store(all, state);
+    }
+
+    /// All steps for one half, while another thread does those of the other.
+    fn run_half<C: Constraint>(&mut self, network: &Network, half: &Half, steps: Steps, constraint: impl Fn(u32) -> C) {
+        let arch = Arch::new();
+        // Whichever thread ends early, by a panic, lets the other go.
+        let _hang_up = HangUp(half.to);
+        for step in 0..steps.count {
+            let constraint = constraint(step);
+            self.impose(0.0, &constraint);
+            half.to.send(step, &self.columns, half.seen.clone());
+            network.springs.add_to_columns(arch, half.part, &mut self.columns);
+            half.from.receive(step, &mut self.columns, half.foreign.clone());
+            self.columns.clear_forces(half.foreign.clone());
+            network.springs.add_to_columns(arch, Part::Seam, &mut self.columns);
+            self.finish(network, steps.length, half.own.clone(), &constraint);
+        }
+        self.columns.clear_forces(half.foreign.clone());
+    }
+
+    /// From the springs' forces to the end of the step, for some nodes.
+    fn finish(&mut self, network: &Network, h: f64, nodes: Range<usize>, constraint: &impl Constraint) {
+        let arch = Arch::new();
+        self.columns.accelerate(arch, network, nodes.clone());
+        for &node in constraint.nodes(0.0) {
+            self.accelerations[node as usize] = self.columns.force(node as usize);
+        }
+        constraint.accelerations(&mut self.accelerations);
+        for &node in constraint.nodes(0.0) {
+            self.columns.set_force(node as usize, &self.accelerations[node as usize]);
+        }
+        self.columns.advance(arch, h, nodes.clone());
+        self.impose(1.0, constraint);
+        self.columns.snap_to_rest(arch, nodes);
+    }
+
+    /// Lets a constraint have its nodes at a fraction of the step.
+    fn impose(&mut self, ahead: f64, constraint: &impl Constraint) {
+        let nodes = constraint.nodes(ahead);
+        for &node in nodes {
+            let node = node as usize;
+            (self.imposed.x[node], self.imposed.v[node]) = self.columns.node(node);
+        }
+        constraint.state(ahead, &mut self.imposed);
+        for &node in nodes {
+            let node = node as usize;
+            self.columns.place(node, &self.imposed.x[node], &self.imposed.v[node]);
+        }
+    }
+}
+
+/// All steps by two threads; `false` and nothing done if the system does not give a second one.
+pub(super) fn run_by_two<C: Constraint>(
+    workers: [&mut Worker; 2],
+    network: &Network,
+    halves: &Halves,
+    state: &mut State,
+    steps: Steps,
+    constraint: impl Fn(u32) -> C + Sync,
+) -> bool {
+    let Halves { split, reach } = halves.clone();
+    let (below, above) = (reach.start..split, split..reach.end);
+    let (up, down) = (Line::default(), Line::default());
+    let lower =
+        Half { part: Part::Lower, own: 0..split, seen: below.clone(), foreign: above.clone(), to: &up, from: &down };
+    let own = split..network.node_count();
+    let upper = Half { part: Part::Upper, own, seen: above, foreign: below, to: &down, from: &up };
+    let [mine, others] = workers;
+    mine.columns.load(state);
+    others.columns.load(state);
+    let both = thread::scope(|scope| {
+        let other =
+            thread::Builder::new().spawn_scoped(scope, || others.run_half(network, &upper, steps, &constraint)).is_ok();
+        if other {
+            mine.run_half(network, &lower, steps, &constraint);
+        }
+        other
+    });
+    if both {
+        mine.columns.store(lower.own, state);
+        others.columns.store(upper.own, state);
+    }
+    both
+}
+
+/// What one of two threads does.
+struct Half<'a> {
+    part: Part,
+    /// The nodes that it moves.
+    own: Range<usize>,
+    /// Those of them that the seam's springs end on, and those of the other half.
+    seen: Range<usize>,
+    foreign: Range<usize>,
+    to: &'a Line,
+    from: &'a Line,
+}
+
+/// Messages one way, one per step, of positions and velocities of some nodes.
+#[derive(Default)]
+struct Line {
+    /// Messages so far.
+    sent: AtomicU64,
+    /// The last two, in turns. A thread sends its next message only after the other one's last has arrived, which the
+    /// other sent after it had read the last but one: nobody waits for a lock.
+    messages: [Mutex<Vec<f64>>; 2],
+}
+
+/// Looks at a counter that often before the processor is offered to other threads.
+const SPINS: u32 = 500;
+
+impl Line {
+    fn send(&self, step: u32, columns: &Columns, nodes: Range<usize>) {
+        if let Ok(mut message) = self.messages[step as usize % 2].lock() {
+            columns.copy_to(nodes, &mut message);
+        }
+        self.sent.store(u64::from(step) + 1, Ordering::Release);
+    }
+
+    fn receive(&self, step: u32, columns: &mut Columns, nodes: Range<usize>) {
+        let mut looks = 0;
+        while self.sent.load(Ordering::Acquire) <= u64::from(step) {
+            looks += 1;
+            if looks < SPINS {
+                std::hint::spin_loop();
+            } else {
+                thread::yield_now();
+            }
+        }
+        if let Ok(message) = self.messages[step as usize % 2].lock() {
+            columns.copy_from(nodes, &message);
+        }
+    }
+}
+
+struct HangUp<'a>(&'a Line);
+
+impl Drop for HangUp<'_> {
+    fn drop(&mut self) {
+        self.0.sent.store(u64::MAX, Ordering::Release);
+    }
+}

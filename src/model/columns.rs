@@ -1,0 +1,182 @@
+//! Positions, velocities and forces of a network's nodes by axis, as its explicit steps want them.
+
+use std::ops::Range;
+
+use pulp::Arch;
+
+use super::network::{ExternalForce, Network, REST_SPEED, State};
+use crate::Vec3;
+
+/// Numbers in a line of cache, on common processors.
+const LINE: usize = 8;
+
+/// Nine columns (x, v, f along three axes) of one number per node, in one piece of memory.
+///
+/// Four nodes side by side are four numbers side by side, which is what vector instructions load. Every column begins at
+/// another set of the cache: with a power of two of nodes they would otherwise drive each other out of it, which costs
+/// up to twice the time.
+///
+/// ```
+/// use stickslip::{Vec3, model::{columns::Columns, network::State}};
+///
+/// let state = State { x: vec![Vec3::x(), Vec3::y(), Vec3::z()], v: vec![Vec3::zeros(); 3] };
+/// let mut columns = Columns::new(3);
+/// columns.load(&state);
+/// columns.place(1, &Vec3::y(), &Vec3::new(0.0, 2.0, 0.0));
+/// let mut end = state.clone();
+/// columns.store(1..3, &mut end);
+/// assert_eq!(end.x, state.x);
+/// assert_eq!(end.v[1], Vec3::y() * 2.0);
+/// assert_eq!(columns.node(2), (Vec3::z(), Vec3::zeros()));
+/// ```
+#[derive(Debug, Clone)]
+pub struct Columns {
+    values: Vec<f64>,
+    stride: usize,
+}
+
+/// The columns one by one, all of one length.
+pub(crate) struct Axes<'a> {
+    pub x: [&'a mut [f64]; 3],
+    pub v: [&'a mut [f64]; 3],
+    pub f: [&'a mut [f64]; 3],
+}
+
+impl Columns {
+    /// For so many nodes, all zero.
+    pub fn new(nodes: usize) -> Self {
+        // Caches have a power of two of sets: multiples of an odd number of lines begin at different ones.
+        let stride = (nodes.div_ceil(LINE) | 1) * LINE;
+        Self { values: vec![0.0; 9 * stride], stride }
+    }
+
+    #[inline(always)]
+    pub(crate) fn axes(&mut self) -> Axes<'_> {
+        let mut columns = self.values.chunks_exact_mut(self.stride);
+        let mut three = || std::array::from_fn(|_| columns.next().unwrap_or_default());
+        Axes { x: three(), v: three(), f: three() }
+    }
+
+    fn at(&self, quantity: usize, node: usize) -> Vec3 {
+        Vec3::from_fn(|axis, _| self.values[(3 * quantity + axis) * self.stride + node])
+    }
+
+    fn put(&mut self, quantity: usize, node: usize, value: &Vec3) {
+        (0..3).for_each(|axis| self.values[(3 * quantity + axis) * self.stride + node] = value[axis]);
+    }
+
+    /// Takes the positions and velocities of all nodes.
+    pub fn load(&mut self, state: &State) {
+        let Axes { x, v, .. } = self.axes();
+        for (columns, rows) in [(x, &state.x), (v, &state.v)] {
+            for (axis, column) in columns.into_iter().enumerate() {
+                column.iter_mut().zip(rows).for_each(|(number, row)| *number = row[axis]);
+            }
+        }
+    }
+
+    /// Gives back the positions and velocities of some.
+    pub fn store(&self, nodes: Range<usize>, state: &mut State) {
+        let mut columns = self.values.chunks_exact(self.stride);
+        for rows in [&mut state.x[nodes.clone()], &mut state.v[nodes.clone()]] {
+            for (axis, column) in columns.by_ref().take(3).enumerate() {
+                rows.iter_mut().zip(&column[nodes.clone()]).for_each(|(row, number)| row[axis] = *number);
+            }
+        }
+    }
+
+    /// Position and velocity of one node, m and m/s.
+    pub fn node(&self, node: usize) -> (Vec3, Vec3) {
+        (self.at(0, node), self.at(1, node))
+    }
+
+    /// Sets them.
+    pub fn place(&mut self, node: usize, x: &Vec3, v: &Vec3) {
+        self.put(0, node, x);
+        self.put(1, node, v);
+    }
+
+    /// What stands in the last three columns: a force, N, or after [`accelerate`](Self::accelerate) an acceleration, m/s².
+    pub fn force(&self, node: usize) -> Vec3 {
+        self.at(2, node)
+    }
+
+    /// Sets it.
+    pub fn set_force(&mut self, node: usize, f: &Vec3) {
+        self.put(2, node, f);
+    }
+
+    /// Positions and velocities of some nodes, column after column.
+    pub(crate) fn copy_to(&self, nodes: Range<usize>, message: &mut Vec<f64>) {
+        message.clear();
+        let columns = self.values.chunks_exact(self.stride).take(6);
+        columns.for_each(|column| message.extend_from_slice(&column[nodes.clone()]));
+    }
+
+    /// The same back. A message about other nodes is not taken.
+    pub(crate) fn copy_from(&mut self, nodes: Range<usize>, message: &[f64]) {
+        if nodes.is_empty() || message.len() != 6 * nodes.len() {
+            return;
+        }
+        let columns = self.values.chunks_exact_mut(self.stride).zip(message.chunks_exact(nodes.len()));
+        columns.for_each(|(column, message)| column[nodes.clone()].copy_from_slice(message));
+    }
+
+    /// Nothing acts on these nodes.
+    pub(crate) fn clear_forces(&mut self, nodes: Range<usize>) {
+        self.axes().f.into_iter().for_each(|f| f[nodes.clone()].fill(0.0));
+    }
+
+    /// From the springs' forces on some nodes to their accelerations, a = M⁻¹(f + gravity and drag).
+    pub(crate) fn accelerate(&mut self, arch: Arch, network: &Network, nodes: Range<usize>) {
+        let (mass, inverse_mass) = (&network.mass[nodes.clone()], &network.inverse_mass[nodes.clone()]);
+        let Axes { v, f, .. } = self.axes();
+        vectorize(arch, || {
+            for (axis, (f, v)) in f.into_iter().zip(v).enumerate() {
+                let (f, v) = (&mut f[nodes.clone()], &v[nodes.clone()]);
+                for force in &network.external {
+                    match force {
+                        ExternalForce::Gravity(g) => f.iter_mut().zip(mass).for_each(|(f, m)| *f += g[axis] * m),
+                        ExternalForce::Drag(b) => f.iter_mut().zip(v).for_each(|(f, v)| *f -= v * b),
+                    }
+                }
+                f.iter_mut().zip(inverse_mass).for_each(|(f, w)| *f *= w);
+            }
+        });
+    }
+
+    /// (11) for some nodes: v ← v + ha, x ← x + hv; then no forces.
+    pub(crate) fn advance(&mut self, arch: Arch, h: f64, nodes: Range<usize>) {
+        let Axes { x, v, f } = self.axes();
+        vectorize(arch, || {
+            for ((x, v), a) in x.into_iter().zip(v).zip(f) {
+                let (x, v, a) = (&mut x[nodes.clone()], &mut v[nodes.clone()], &mut a[nodes.clone()]);
+                for ((x, v), a) in x.iter_mut().zip(v).zip(a) {
+                    *v += *a * h;
+                    *x += *v * h;
+                    *a = 0.0;
+                }
+            }
+        });
+    }
+
+    /// [`snap_to_rest`](super::network::snap_to_rest) for some nodes.
+    pub(crate) fn snap_to_rest(&mut self, arch: Arch, nodes: Range<usize>) {
+        let v = self.axes().v;
+        vectorize(arch, || {
+            for v in v {
+                v[nodes.clone()].iter_mut().for_each(|v| *v = if v.abs() < REST_SPEED { 0.0 } else { *v });
+            }
+        });
+    }
+}
+
+/// Does it with the vector instructions of `arch`, which change no result: the compiler fuses no operations.
+#[inline(always)]
+pub(super) fn vectorize(arch: Arch, work: impl FnOnce()) {
+    match arch {
+        #[cfg(target_arch = "x86_64")]
+        Arch::V3(simd) => simd.vectorize(work),
+        _ => work(),
+    }
+}
