@@ -121,7 +121,14 @@ mod real_time {
             finished.summary.ticks,
             summary.deadline_us,
             summary.skipped,
-            if is_same { "it commands the same forces to the bit" } else { "it commands OTHER forces" },
+            match (is_same, summary.window.lost_notes) {
+                (true, _) => "it commands the same forces to the bit".to_owned(),
+                (false, 0) => "it commands OTHER forces".to_owned(),
+                (false, lost) => format!(
+                    "it commands OTHER forces, which may come of {lost} notes lost to a full ring: the global side was late by \
+                     cycles"
+                ),
+            },
         ))?;
         Ok((finished, is_same))
     }
