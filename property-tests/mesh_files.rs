@@ -237,6 +237,11 @@ fn what_is_no_body_is_refused_by_name() {
         let (message, advice) = made_of(good.as_bytes(), name, 1.0, Layers { count: 1, depth: 0.01 }).unwrap_err();
         assert!(message.contains("no mesh file by its name") && advice.contains(".vtu"), "{message}");
     }
+    // VTK counts nodes: one that is not there is found as the cells are read.
+    let vtk = "# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 4 double\n0 0 0 1 0 0 0 1 0 0 0 1\n\
+               CELLS 1 5\n4 0 1 2 9\nCELL_TYPES 1\n10\n";
+    let error = MeshFile::parse(vtk.as_bytes(), Path::new("x.vtk"), BUDGET).expect_err("there is no node 9");
+    assert!(matches!(error.problem(), MeshProblem::UnknownNode { element: 0, node: 9 }), "{error}");
     let far = made_of(good.as_bytes(), "x.msh", 1e300, Layers { count: 1, depth: 0.01 });
     assert!(far.is_err(), "coordinates that overflow");
 }
