@@ -238,8 +238,8 @@ fn what_is_no_body_is_refused_by_name() {
         assert!(message.contains("no mesh file by its name") && advice.contains(".vtu"), "{message}");
     }
     // VTK counts nodes: one that is not there is found as the cells are read.
-    let vtk = "# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 4 double\n0 0 0 1 0 0 0 1 0 0 0 1\n\
-               CELLS 1 5\n4 0 1 2 9\nCELL_TYPES 1\n10\n";
+    let vtk = "# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\n\
+               POINTS 4 double\n0 0 0 1 0 0 0 1 0 0 0 1\nCELLS 1 5\n4 0 1 2 9\nCELL_TYPES 1\n10\n";
     let error = MeshFile::parse(vtk.as_bytes(), Path::new("x.vtk"), BUDGET).expect_err("there is no node 9");
     assert!(matches!(error.problem(), MeshProblem::UnknownNode { element: 0, node: 9 }), "{error}");
     let far = made_of(good.as_bytes(), "x.msh", 1e300, Layers { count: 1, depth: 0.01 });
@@ -288,8 +288,8 @@ fn what_differs_in_writing_only_is_the_same_mesh() {
     assert_eq!(made(&windows).expect("a body").mesh, expected.mesh);
 }
 
-/// MSH in bytes of either order: Gmsh writes that of its machine. In 4.1 the first three nodes belong to surface 7 and have
-/// parameters, as Gmsh writes them if asked to.
+/// MSH in bytes of either order: Gmsh writes that of its machine. In 4.1 the first three nodes belong to surface 7 and
+/// have parameters, as Gmsh writes them if asked to.
 fn msh_in_bytes(version: &str, is_big: bool) -> Vec<u8> {
     let int = |value: i32| if is_big { value.to_be_bytes() } else { value.to_le_bytes() };
     let ints = |values: &[i32]| values.iter().flat_map(|&value| int(value)).collect::<Vec<u8>>();

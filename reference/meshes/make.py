@@ -36,9 +36,9 @@ def liver(unit):
 SHAPES = {"ellipsoid": ellipsoid, "liver": liver}
 # Edges along the side of bars.
 BARS = (4, 6, 8)
-# From so many nodes on HXT fills the surface. Gmsh's default places one node after the other where a tetrahedron is worst; in
-# fine meshes of these surfaces it finds no place for most of them, leaves flat ones behind, and at 50,000 does not come to an end in
-# a quarter of an hour. The kept meshes are the default's.
+# From so many nodes on HXT fills the surface. Gmsh's default places one node after the other where a tetrahedron is
+# worst; in fine meshes of these surfaces it finds no place for most of them, leaves flat tetrahedra behind, and at
+# 50,000 did not come to an end in a quarter of an hour. The kept meshes are the default's.
 LARGE = 20_000
 HXT = 10
 

@@ -20,8 +20,8 @@ use crate::scene::{Scene, Schedule};
 const FRAME_TICKS: &str = "20";
 
 /// Where the exact tangent is kept for a cycle.
-const RUNAWAY_ADVICE: &str = "if `stickslip explain` shows steps within their limits, springs that are pushed together may be what \
-    grows: give `local.tangent = \"stabilised\"`, `local.linearization = \"none\"` or a higher `global.rate`";
+const RUNAWAY_ADVICE: &str = "if `stickslip explain` shows steps within their limits, springs that are pushed together \
+    may be what grows: give `local.tangent = \"stabilised\"`, `local.linearization = \"none\"` or a higher `global.rate`";
 
 #[derive(Debug, Args)]
 pub struct RunArguments {
@@ -136,8 +136,8 @@ mod real_time {
                 (true, _) => "it commands the same forces to the bit".to_owned(),
                 (false, 0) => "it commands OTHER forces".to_owned(),
                 (false, lost) => format!(
-                    "it commands OTHER forces, which may come of {lost} notes lost to a full ring: the global side was late by \
-                     cycles"
+                    "it commands OTHER forces, which may come of {lost} notes lost to a full ring: the global side was \
+                     late by cycles"
                 ),
             },
         ))?;

@@ -39,8 +39,8 @@ const COLOURS: [RGBColor; 4] = [GREY, BLUE, ORANGE, GREEN];
 const LARGEST: f64 = 1.0;
 const STEP: f64 = 0.25;
 
-/// Errors of several quantities over refinement, a panel each with the same scale, as an SVG document. `groups` are the names of
-/// the colours, four at most.
+/// Errors of several quantities over refinement, a panel each with the same scale, as an SVG document. `groups` are the
+/// names of the colours, four at most.
 ///
 /// # Errors
 /// If the plotting library cannot draw it.

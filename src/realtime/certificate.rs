@@ -336,8 +336,8 @@ fn compute_part(
         (false, 0) => failed.push("a recorded pass, done again, commands other forces".to_owned()),
         // Models came from a path with gaps, and come from the whole one when it is done again.
         (false, lost) => open.push(format!(
-            "a recorded pass, done again, commands other forces, which may come of {lost} notes lost to a full ring: the \
-             global side was late by cycles and built models from a path with gaps"
+            "a recorded pass, done again, commands other forces, which may come of {lost} notes lost to a full ring: \
+             the global side was late by cycles and built models from a path with gaps"
         )),
     }
     // What is slow by itself is slow again.

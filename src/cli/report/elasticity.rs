@@ -93,9 +93,9 @@ pub fn section(rows: &[ElasticityRow], is_quick: bool) -> miette::Result<Markup>
     Ok(html! {
         h2 #elasticity { "Elasticity" }
         p {
-            "What springs from Young's modulus make of blocks and bars, pulled, hanging, confined, sheared, and pushed at \
-             a point, against the elastic solid with Poisson's ratio 1/4. A curve that falls to zero (lattices) becomes \
-             that solid where the mesh becomes finer; one that stays level does not, and its height is how far "
+            "What springs from Young's modulus make of blocks and bars, pulled, hanging, confined, sheared, and pushed \
+             at a point, against the elastic solid with Poisson's ratio 1/4. A curve that falls to zero (lattices) \
+             becomes that solid where the mesh becomes finer; one that stays level does not, and its height is how far "
             code { "young_modulus" } " is off in every mesh of its kind."
         }
         @if is_quick { p { "A quick report leaves out the finest meshes." } }

@@ -47,8 +47,8 @@ pub enum Filling {
         /// As above.
         jitter: f64,
     },
-    /// By tetrahedra as Gmsh makes them of a bar, its edges about as long as a cell would be. The bar is always twice as
-    /// long as wide, and there is one for each of [`GMSH_CELLS`] only.
+    /// By tetrahedra as Gmsh makes them of a bar, its edges about as long as a cell would be. The bar is always twice
+    /// as long as wide, and there is one for each of [`GMSH_CELLS`] only.
     Gmsh,
 }
 
