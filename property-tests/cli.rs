@@ -537,6 +537,8 @@ fn a_fault_ends_with_code_1_and_keeps_the_rows_before_it() {
         "{}",
         stderr(&output)
     );
+    // Its tangent is the exact one, kept for a cycle.
+    assert!(stderr(&output).contains("`local.tangent = \"stabilised\"`"), "{}", stderr(&output));
     let rows = fs::read_to_string(out.join("trace.csv")).expect("a trace").lines().count() - 1;
     assert_eq!(rows, 884);
 }

@@ -5,10 +5,11 @@ use stickslip::model::material::{Bulk, Identification, MaterialError, PerSpring,
 use stickslip::model::mesh::{Block, Mesh, Stencil};
 use stickslip::model::network::{Material, Network};
 use stickslip::model::springs::TangentKind;
-use stickslip::verify::elasticity::{Filling, Quantity, measure, table};
+use stickslip::pipeline::Simulation;
+use stickslip::verify::elasticity::{ElasticityError, Filling, GMSH_CELLS, Quantity, measure, table};
 use stickslip::{Mat3, Vec3};
 
-use crate::check::Worst;
+use crate::check::{Worst, scene};
 
 const E: f64 = 5e3;
 /// λ = μ = 2E/5 where Poisson's ratio is 1/4.
@@ -234,12 +235,97 @@ fn tetrahedra_answer_as_their_own_tensor_does() {
     bar.check((ratio(Quantity::YoungModulus, 16) / (c11 - 2.0 * c12 * c12 / (c11 + c12)) - 1.0).abs());
 }
 
+/// Bars as Gmsh makes them, in refinement. Their tetrahedra lie in all directions, so that the network is nearly
+/// isotropic and Van Gelder's formula nearly right. Neither formula converges: what is left does not fall from 6 to 8
+/// cells.
+#[test]
+fn bars_by_gmsh_keep_their_distance_from_the_solid() {
+    let rows = table(&GMSH_CELLS).unwrap_or_else(|error| panic!("{error}"));
+    let of = |identification: Identification, quantity: Quantity| -> [f64; 3] {
+        let of = rows.iter().filter(|row| row.filling == Filling::Gmsh.name());
+        let of = of.filter(|row| row.identification == Some(identification.name()) && row.quantity == quantity);
+        let (nodes, errors): (Vec<usize>, Vec<f64>) = of.map(|row| (row.nodes, row.relative_error)).unzip();
+        assert_eq!(nodes, [244, 615, 1279]);
+        println!("{quantity:?}, {}: {errors:+.3?}", identification.name());
+        errors.try_into().expect("three bars")
+    };
+    // No theory says how far off: these hold what was measured on 244, 615 and 1279 nodes, with a fifth to spare.
+    let mut finest = [0.0; 2];
+    // Measured: 0.050 and 0.169.
+    let van_gelder = [
+        Worst::new("elastic solid", "bar by Gmsh, Van Gelder: E, sag, confined modulus, relative", 0.06),
+        Worst::new("elastic solid", "bar by Gmsh, Van Gelder: ν, G, beside a point force, relative", 0.2),
+    ];
+    // Measured: 0.102 and 0.295.
+    let lloyd = [
+        Worst::new("elastic solid", "bar by Gmsh, Lloyd: E, sag, confined modulus, relative", 0.12),
+        Worst::new("elastic solid", "bar by Gmsh, Lloyd: ν, G, beside a point force, relative", 0.35),
+    ];
+    for (mean, (identification, worst)) in
+        finest.iter_mut().zip([(Identification::VanGelder, van_gelder), (Identification::Lloyd, lloyd)])
+    {
+        for quantity in Quantity::ALL {
+            let along = matches!(quantity, Quantity::YoungModulus | Quantity::Sag | Quantity::ConfinedModulus);
+            let errors = of(identification, quantity);
+            errors.iter().for_each(|error| worst[usize::from(!along)].check(error.abs()));
+            *mean += errors[2].abs() / 6.0;
+        }
+    }
+    let [e, g] =
+        [Quantity::YoungModulus, Quantity::ShearModulus].map(|quantity| of(Identification::VanGelder, quantity));
+    assert!(e[2].abs() > 0.9 * e[1].abs() && g[2].abs() > 0.9 * g[1].abs(), "they converge: {e:?}, {g:?}");
+    assert!(finest[0] < finest[1], "mean over quantities: {finest:?}");
+    let none = measure(Quantity::Sag, Filling::Gmsh, Identification::VanGelder, 5);
+    assert!(matches!(none, Err(ElasticityError::NoBar(5))));
+}
+
+/// The same file in a scene, standing on its end, which is clamped: it settles as the statics of a free end say, but
+/// for the clamp.
+#[test]
+fn a_bar_by_gmsh_settles_as_its_statics_say() {
+    // The lower end may not spread: stiffer over a part of the width, which is half the length. Measured: 0.0084.
+    let worst = Worst::new("linear statics", "settled bar by Gmsh against one that is free to spread, relative", 0.02);
+    for identification in Identification::ALL {
+        let scene = scene(&format!(
+            r#"
+            name = "bar"
+            duration = 0.1
+            settle = true
+            [mesh]
+            kind = "file"
+            path = "{}/fixtures/meshes/bar-6.msh"
+            [material]
+            density = 1000.0
+            young_modulus = 1e6
+            identification = "{}"
+            damping_ratio = 0.05
+            gravity = [0.0, 0.0, -9.81]
+            [contact]
+            law = "sliding"
+            [instrument]
+            waypoints = [[0.0, 0.0, 0.0, 0.05]]
+            "#,
+            env!("CARGO_MANIFEST_DIR"),
+            identification.name()
+        ));
+        let simulation = Simulation::prepare(&scene).unwrap_or_else(|error| panic!("{error}"));
+        let (network, x) = (simulation.network(), &simulation.global().state().x);
+        let upper: Vec<usize> = (0..x.len()).filter(|&node| network.rest[node].z.abs() <= 1e-9).collect();
+        let weight = |of: &dyn Fn(usize) -> f64| upper.iter().map(|&node| network.mass[node] * of(node)).sum::<f64>();
+        let settled = weight(&|node| network.rest[node].z - x[node].z) / weight(&|_| 1.0);
+        let solid = 1e3 * 9.81 * 0.2 * 0.2 / (2.0 * 1e6);
+        let free = 1.0 + relative_error(Quantity::Sag, Filling::Gmsh, identification, 6);
+        println!("{}: settled by {:.4} of the solid, free to spread {free:.4}", identification.name(), settled / solid);
+        worst.check((settled / solid / free - 1.0).abs());
+    }
+}
+
 /// Why Van Gelder's springs are the default: where tetrahedra are far from regular Lloyd's are further off, and where
-/// they are not the two are alike. No mesh of these is within a tenth in everything, by either: what they lack is
+/// they are not the two are alike. No mesh with a pattern is within a tenth in everything, by either: what they lack is
 /// isotropy.
 #[test]
 fn van_gelder_is_nearer_than_lloyd() {
-    let rows = table(8).unwrap_or_else(|error| panic!("{error}"));
+    let rows = table(&[8]).unwrap_or_else(|error| panic!("{error}"));
     let mut total = [0.0; 2];
     for mesh in rows.chunk_by(|a, b| (&a.filling, a.identification) == (&b.filling, b.identification)) {
         let Some(name) = mesh[0].identification else { continue };
@@ -247,7 +333,8 @@ fn van_gelder_is_nearer_than_lloyd() {
         let (mean, largest) = (errors().sum::<f64>() / mesh.len() as f64, errors().fold(0.0, f64::max));
         mesh.iter().for_each(|row| println!("{:?}, {}, {name}: {:+.3}", row.quantity, row.filling, row.relative_error));
         println!("{}, {name}: mean {mean:.3}, largest {largest:.3}", mesh[0].filling);
-        assert!(largest > 0.1, "{}, {name}: within {largest}", mesh[0].filling);
+        let has_pattern = mesh[0].filling != Filling::Gmsh.name();
+        assert!(!has_pattern || largest > 0.1, "{}, {name}: within {largest}", mesh[0].filling);
         total[usize::from(name == Identification::Lloyd.name())] += mean;
     }
     assert!(total[0] > 0.0 && total[0] < total[1], "mean over meshes and quantities: {total:?}");

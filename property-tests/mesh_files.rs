@@ -237,6 +237,11 @@ fn what_is_no_body_is_refused_by_name() {
         let (message, advice) = made_of(good.as_bytes(), name, 1.0, Layers { count: 1, depth: 0.01 }).unwrap_err();
         assert!(message.contains("no mesh file by its name") && advice.contains(".vtu"), "{message}");
     }
+    // VTK counts nodes: one that is not there is found as the cells are read.
+    let vtk = "# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\n\
+               POINTS 4 double\n0 0 0 1 0 0 0 1 0 0 0 1\nCELLS 1 5\n4 0 1 2 9\nCELL_TYPES 1\n10\n";
+    let error = MeshFile::parse(vtk.as_bytes(), Path::new("x.vtk"), BUDGET).expect_err("there is no node 9");
+    assert!(matches!(error.problem(), MeshProblem::UnknownNode { element: 0, node: 9 }), "{error}");
     let far = made_of(good.as_bytes(), "x.msh", 1e300, Layers { count: 1, depth: 0.01 });
     assert!(far.is_err(), "coordinates that overflow");
 }
@@ -275,8 +280,61 @@ fn what_differs_in_writing_only_is_the_same_mesh() {
     with_unused.insert(2, (9, [7.0, 7.0, 7.0]));
     let with_unused = made(&msh(&with_unused, &[(15, &[9]), FACES[0], TETRAHEDRON, SECOND])).expect("a body");
     assert_eq!((&with_unused.mesh, with_unused.unused_nodes), (&expected.mesh, 1));
+    let outside = made(&msh(&CORNERS, &FACES)).expect("a surface");
+    let turned = FACES.map(|(kind, nodes)| (kind, [nodes[0], nodes[2], nodes[1]]));
+    let turned: Vec<(u32, &[u64])> = turned.iter().map(|(kind, nodes)| (*kind, nodes.as_slice())).collect();
+    assert_eq!(made(&msh(&CORNERS, &turned)).expect("a surface").mesh, outside.mesh, "layers lie inside");
     let windows = msh(&CORNERS, &[TETRAHEDRON, SECOND]).replace('\n', "\r\n");
     assert_eq!(made(&windows).expect("a body").mesh, expected.mesh);
+}
+
+/// MSH in bytes of either order: Gmsh writes that of its machine. In 4.1 the first three nodes belong to surface 7 and
+/// have parameters, as Gmsh writes them if asked to.
+fn msh_in_bytes(version: &str, is_big: bool) -> Vec<u8> {
+    let int = |value: i32| if is_big { value.to_be_bytes() } else { value.to_le_bytes() };
+    let ints = |values: &[i32]| values.iter().flat_map(|&value| int(value)).collect::<Vec<u8>>();
+    let size = |value: u64| if is_big { value.to_be_bytes() } else { value.to_le_bytes() };
+    let sizes = |values: &[u64]| values.iter().flat_map(|&value| size(value)).collect::<Vec<u8>>();
+    let reals = |values: &[f64]| values.iter().flat_map(|value| size(value.to_bits())).collect::<Vec<u8>>();
+    let begin = [format!("$MeshFormat\n{version} 1 8\n").into_bytes(), ints(&[1]), b"\n$EndMeshFormat\n".to_vec()];
+    let mut bytes = begin.concat();
+    let elements = [TETRAHEDRON, SECOND];
+    if version == "2.2" {
+        bytes.extend(b"$Nodes\n5\n");
+        CORNERS.iter().for_each(|(number, x)| bytes.extend([ints(&[*number as i32]), reals(x)].concat()));
+        bytes.extend(b"\n$EndNodes\n$Elements\n2\n");
+        bytes.extend(ints(&[4, 2, 2]));
+        for (number, (_, nodes)) in (1..).zip(elements) {
+            bytes.extend(ints(&[number, 0, 1]));
+            nodes.iter().for_each(|&node| bytes.extend(int(node as i32)));
+        }
+    } else {
+        bytes.extend([b"$Nodes\n".to_vec(), sizes(&[2, 5, 1, 5]), ints(&[2, 7, 1]), sizes(&[3, 1, 2, 3])].concat());
+        CORNERS[..3].iter().for_each(|(_, x)| bytes.extend([reals(x), reals(&[0.25, 0.5])].concat()));
+        bytes.extend([ints(&[3, 1, 0]), sizes(&[2, 4, 5])].concat());
+        CORNERS[3..].iter().for_each(|(_, x)| bytes.extend(reals(x)));
+        bytes.extend(
+            [b"\n$EndNodes\n$Elements\n".to_vec(), sizes(&[1, 2, 1, 2]), ints(&[3, 1, 4]), sizes(&[2])].concat(),
+        );
+        for (number, (_, nodes)) in (1..).zip(elements) {
+            bytes.extend([sizes(&[number]), sizes(nodes)].concat());
+        }
+    }
+    bytes.extend(b"\n$EndElements\n");
+    bytes
+}
+
+#[test]
+fn bytes_are_read_in_either_order() {
+    let expected = made(&msh(&CORNERS, &[TETRAHEDRON, SECOND])).expect("a body");
+    for version in ["2.2", "4.1"] {
+        for is_big in [false, true] {
+            let bytes = msh_in_bytes(version, is_big);
+            let made = made_of(&bytes, "x.msh", 1.0, Layers { count: 1, depth: 0.01 });
+            let made = made.unwrap_or_else(|error| panic!("MSH {version}, highest first: {is_big}: {error:?}"));
+            assert_eq!(made.mesh, expected.mesh, "MSH {version}, highest first: {is_big}");
+        }
+    }
 }
 
 /// An icosahedron whose triangles are divided into four, with its corners on a sphere of 50 mm. Every corner lies on an axis
@@ -444,6 +502,10 @@ fn memory_is_asked_for_before_it_is_used() {
     let path = folder().join("liver-5000.vtu");
     let size = fs::metadata(&path).expect("a file").len();
     let error = MeshFile::read(&path, 4 * size).expect_err("too large");
+    assert!(matches!(error.problem(), MeshProblem::TooLarge { .. }), "{error}");
+    // Also where nothing is inflated, and the file alone would fit.
+    let plain = folder().join("liver-500.msh");
+    let error = MeshFile::read(&plain, 31 * fs::metadata(&plain).expect("a file").len()).expect_err("too large");
     assert!(matches!(error.problem(), MeshProblem::TooLarge { .. }), "{error}");
     // Inflated, the nodes alone of a file that compresses well are larger than what its own size allows for.
     let bytes = fs::read(&path).expect("a file");

@@ -199,6 +199,18 @@ fn verdicts_follow_from_what_was_measured() {
     assert_eq!(judge(&much_cpu).0, Inconclusive);
     assert_eq!(verdicts(&judged(&much_cpu, vec![worst(1_100_000)], true)).0, Fail);
     assert_eq!(verdicts(&judged(&quiet_loop(), vec![worst(9_000)], false)).0, Fail);
+
+    // Other forces, where the global side saw another path than was gone: that says nothing of the program.
+    let lossy = |allocations| {
+        let window = Window { allocations: Some(allocations), lost_notes: 3, ..Window::default() };
+        judged(&Served { window, ..quiet_loop() }, vec![worst(9_000)], false)
+    };
+    let certificate = lossy(0);
+    assert_eq!(verdicts(&certificate), (Inconclusive, Pass));
+    assert!(certificate.compute.reasons.concat().contains("3 notes lost to a full ring"), "{certificate:?}");
+    assert_eq!(verdicts(&lossy(1)).0, Fail);
+    let window = Window { allocations: Some(0), lost_notes: 3, ..Window::default() };
+    assert_eq!(judge(&Served { window, ..quiet_loop() }).0, Pass, "what was lost made no difference");
 }
 
 #[test]

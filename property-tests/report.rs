@@ -46,7 +46,8 @@ fn the_report_is_one_page_that_needs_nothing_else() {
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let (page, json) = left(&out);
     assert!(page.len() < 6_000_000, "{} bytes", page.len());
-    assert_eq!(page.matches("<svg").count(), SHIPPED.len());
+    // One for each scene, and that of the elasticity.
+    assert_eq!(page.matches("<svg").count(), SHIPPED.len() + 1);
     assert_eq!(json["runs"].as_array().expect("runs").len(), SHIPPED.len());
     assert_eq!(viewed(&page).len(), SHIPPED.len());
 
@@ -66,6 +67,22 @@ fn the_report_is_one_page_that_needs_nothing_else() {
     );
     let table = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(table.contains("fault, as expected") && !table.contains("UNEXPECTED"), "{table}");
+
+    // In a quick report meshes of two sizes: 2 lattices, 5 kinds of tetrahedra by 2 formulas, 6 quantities each.
+    assert!(text.contains("id=\"elasticity\"") && text.contains("leaves out the finest meshes"));
+    let rows = json["elasticity"].as_array().expect("rows");
+    assert_eq!(rows.len(), 2 * (2 + 2 * 5) * 6);
+    for row in rows {
+        let error = row["relative_error"].as_f64().expect("a number");
+        let is_homogeneous = row["quantity"] != "indentation";
+        let is_exact = row["filling"].as_str().expect("a name").starts_with("lattice") && is_homogeneous;
+        assert!(error.abs() <= if is_exact { 1e-9 } else { 1.0 }, "{row}");
+        assert!(row["cells"] == 4 || row["cells"] == 6, "{row}");
+    }
+    assert_eq!(
+        json["provenance"]["left_out"].as_array().expect("a list").last(),
+        Some(&"elasticity of finer meshes".into())
+    );
 }
 
 #[test]
@@ -85,6 +102,7 @@ fn what_failed_is_on_top() {
     let (page, json) = left(&out);
     assert_eq!(json["verdicts"][0]["outcome"], "FAIL");
     assert_eq!(json["verdicts"][0]["what"], "my-fault");
+    assert!(json["elasticity"].is_null() && page.contains("certificate, elasticity."), "no material is looked at");
     let places = ["<b>FAIL</b>", "<b>INCONCLUSIVE</b>", "<b>PASS</b>", "<h2"].map(|what| page.find(what));
     assert!(places.iter().all(Option::is_some) && places.is_sorted(), "{places:?}");
     let row = page.split("<tbody>").nth(1).and_then(|rows| rows.split("</td>").next()).expect("a row");

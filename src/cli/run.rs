@@ -8,6 +8,9 @@ use clap::Args;
 use super::progress::Progress;
 use super::terminal::{hand_out, say};
 use super::{FAIL, PASS, folder, load, table};
+use crate::device::failsafe::Cause;
+use crate::model::local::Linearization;
+use crate::model::springs::TangentKind;
 use crate::output::files::{FinishedRun, run_into};
 use crate::output::vtk::VtkWriter;
 use crate::pipeline::{Simulation, TickView};
@@ -15,6 +18,10 @@ use crate::scene::{Scene, Schedule};
 
 /// Ticks from one frame to the next where none are given: 50 frames a second at 1 kHz.
 const FRAME_TICKS: &str = "20";
+
+/// Where the exact tangent is kept for a cycle.
+const RUNAWAY_ADVICE: &str = "if `stickslip explain` shows steps within their limits, springs that are pushed together \
+    may be what grows: give `local.tangent = \"stabilised\"`, `local.linearization = \"none\"` or a higher `global.rate`";
 
 #[derive(Debug, Args)]
 pub struct RunArguments {
@@ -63,6 +70,10 @@ pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
     }
     if let Some(fault) = &finished.fault {
         eprintln!("{fault}");
+        let is_frozen = scene.local.linearization == Linearization::Tangent(TangentKind::Exact);
+        if matches!(fault.cause, Cause::Runaway { .. }) && is_frozen {
+            eprintln!("{RUNAWAY_ADVICE}");
+        }
     }
     Ok(if finished.summary.passes() && is_same { PASS } else { FAIL })
 }
@@ -121,7 +132,14 @@ mod real_time {
             finished.summary.ticks,
             summary.deadline_us,
             summary.skipped,
-            if is_same { "it commands the same forces to the bit" } else { "it commands OTHER forces" },
+            match (is_same, summary.window.lost_notes) {
+                (true, _) => "it commands the same forces to the bit".to_owned(),
+                (false, 0) => "it commands OTHER forces".to_owned(),
+                (false, lost) => format!(
+                    "it commands OTHER forces, which may come of {lost} notes lost to a full ring: the global side was \
+                     late by cycles"
+                ),
+            },
         ))?;
         Ok((finished, is_same))
     }

@@ -12,6 +12,8 @@ pub mod limits;
 pub mod plots;
 #[cfg(feature = "plots")]
 pub mod precision;
+#[cfg(feature = "plots")]
+pub mod refinement;
 pub mod spectrum;
 pub mod summary;
 pub mod trace;

@@ -507,6 +507,10 @@ extremes! {
     "undamped" => Answer(&[(EnergyKept, 0.05)]);
     "inverted" => Answer(&[(Balance, SETTLED)]);
     "compressed" => Answer(&[(FellBack, 0.01), (EndsAs(whole), 2e-3)]);
+    "frozen" => Faults(FaultKind::Runaway);
+    // Half as large again as it should be at the end of its 100 ms; renewed five times as often, 3 % off.
+    "frozen-stabilised" => Answer(&[(Coulomb, ROUND_OFF), (EndsAs(whole), 0.6)]);
+    "frozen-renewed" => Answer(&[(Coulomb, ROUND_OFF), (EndsAs(whole), 0.05)]);
     "pieces" reshaped by two_pieces => Answer(&[(Balance, SETTLED), (Moved(in_second_piece), 0.0)]);
     "cut" => Answer(&[(Balance, SETTLED), (Moved(behind_the_wall), 0.0)]);
     // 1000 N/m of rigid ground by 1 mm: less than half of the point's weight is on the free node.

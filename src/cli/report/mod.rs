@@ -1,6 +1,7 @@
 //! `stickslip report`: the main job.
 
 mod crosscheck;
+mod elasticity;
 mod provenance;
 mod runs;
 mod surfaces;
@@ -28,6 +29,7 @@ use crate::output::files::{write_file, write_json};
 use crate::output::frames::FrameRecorder;
 use crate::pipeline::Simulation;
 use crate::scene::{Expectation, SHIPPED, Scene, SceneError};
+use crate::verify::elasticity::ElasticityRow;
 
 #[derive(Debug, Args)]
 pub struct ReportArguments {
@@ -37,7 +39,8 @@ pub struct ReportArguments {
     /// Where the report goes
     #[arg(long, value_name = "DIR", default_value = "reports")]
     out: PathBuf,
-    /// Only run the scenes: no contact surfaces, accuracy, stability and certificate (so it is where scenes are named)
+    /// Only run the scenes and look at the elasticity of coarser meshes: no contact surfaces, accuracy, stability and
+    /// certificate (where scenes are named, no elasticity either)
     #[arg(long)]
     quick: bool,
 }
@@ -67,6 +70,8 @@ struct ReportFile<'a> {
     surfaces: Option<&'a [SurfaceEntry]>,
     accuracy: Option<&'a AccuracyFile>,
     stability: Option<&'a StabilityFile>,
+    /// Springs against the elastic solid; absent where scenes are named.
+    elasticity: Option<&'a [ElasticityRow]>,
     certificate: Option<&'a serde_json::Value>,
     crosscheck: Option<&'a CrossCheck>,
 }
@@ -86,13 +91,19 @@ pub fn report(arguments: &ReportArguments) -> miette::Result<u8> {
     let is_whole = scenes.is_empty() && !quick;
     let reported = run_all(&checked(scenes)?, out)?;
     let studies = if is_whole { Some(Studies::make(out)?) } else { None };
+    let elasticity = if scenes.is_empty() { Some(elasticity::compare(elasticity::cells(*quick))?) } else { None };
     let crosscheck = crosscheck::read();
 
     let mut verdicts = runs::verdicts(&reported);
-    let left_out = match &studies {
+    let mut left_out = match &studies {
         Some(_) => Vec::new(),
         None => vec!["contact surfaces", "accuracy", "stability", "certificate"],
     };
+    match (&elasticity, quick) {
+        (None, _) => left_out.push("elasticity"),
+        (Some(_), true) => left_out.push("elasticity of finer meshes"),
+        (Some(_), false) => {}
+    }
     let origin = Origin::new(&reported, left_out);
     let mut sections = vec![runs::section(&reported), view::section(&reported)?];
     let studies = studies.map(|mut studies| {
@@ -100,6 +111,9 @@ pub fn report(arguments: &ReportArguments) -> miette::Result<u8> {
         verdicts.append(&mut studies.verdicts);
         studies
     });
+    if let Some(rows) = &elasticity {
+        sections.push(elasticity::section(rows, *quick)?);
+    }
     verdicts.push(crosscheck::verdict(&crosscheck));
     sections.extend([crosscheck::section(&crosscheck), provenance::section(&origin, &reported)]);
     verdict::worst_first(&mut verdicts);
@@ -112,6 +126,7 @@ pub fn report(arguments: &ReportArguments) -> miette::Result<u8> {
         surfaces: studies.map(|studies| studies.surfaces.as_slice()),
         accuracy: studies.map(|studies| &studies.accuracy),
         stability: studies.map(|studies| &studies.stability),
+        elasticity: elasticity.as_deref(),
         certificate: studies.and_then(|studies| studies.certificate.as_ref()),
         crosscheck: crosscheck.as_ref().ok(),
     };

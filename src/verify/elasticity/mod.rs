@@ -1,0 +1,236 @@
+//! How well springs from Young's modulus stand for the elastic solid: blocks of lattice cells and of tetrahedra, and
+//! bars that Gmsh has meshed, in loads whose answer in the solid is known. Small displacements; what a network cannot
+//! have is any Poisson's ratio but 1/4, so the solid is that of 1/4.
+
+mod body;
+
+use std::f64::consts::PI;
+
+use serde::Serialize;
+use thiserror::Error;
+
+use self::body::Body;
+use crate::Vec3;
+use crate::mesh_file::MeshFileError;
+use crate::model::material::{Identification, MaterialError, POISSON_RATIO};
+
+/// E, Pa; displacements are linear in everything, so that its value does not matter.
+const YOUNG_MODULUS: f64 = 5e3;
+/// Side of a bar, half width and depth of what is indented, m.
+const SIZE: f64 = 0.1;
+/// Length of a bar over its side.
+const SLENDERNESS: usize = 2;
+/// kg/m³ and m/s², for a bar's own weight.
+const DENSITY: f64 = 1e3;
+const GRAVITY: f64 = 9.81;
+/// N, of the indentation.
+const FORCE: f64 = 1.0;
+/// Where the indentation is read: between these shares of the half width.
+const READ: [f64; 2] = [0.25, 0.5];
+
+/// How a block is filled.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Filling {
+    /// By lattice cells with face diagonals.
+    Shear,
+    /// By lattice cells with face and body diagonals.
+    Full,
+    /// By five tetrahedra a cell, mirrored from cell to cell; nodes moved at random by up to this share of the spacing,
+    /// on the boundary within it.
+    FiveTetrahedra {
+        /// 0 for none; one that turns a tetrahedron inside out is refused.
+        jitter: f64,
+    },
+    /// By six tetrahedra a cell, around the same diagonal everywhere.
+    SixTetrahedra {
+        /// As above.
+        jitter: f64,
+    },
+    /// By tetrahedra as Gmsh makes them of a bar, its edges about as long as a cell would be. The bar is always twice
+    /// as long as wide, and there is one for each of [`GMSH_CELLS`] only.
+    Gmsh,
+}
+
+/// Cells along the side that bars by Gmsh stand for.
+pub const GMSH_CELLS: [usize; 3] = [4, 6, 8];
+
+impl Filling {
+    /// What is compared.
+    pub const ALL: [Self; 7] = [
+        Self::Shear,
+        Self::Full,
+        Self::FiveTetrahedra { jitter: 0.0 },
+        Self::FiveTetrahedra { jitter: 0.12 },
+        Self::SixTetrahedra { jitter: 0.0 },
+        Self::SixTetrahedra { jitter: 0.12 },
+        Self::Gmsh,
+    ];
+
+    /// For people.
+    pub fn name(self) -> String {
+        let tetrahedra = |count: &str, jitter: f64| {
+            if jitter == 0.0 { format!("{count} tetrahedra") } else { format!("{count} tetrahedra, jitter {jitter}") }
+        };
+        match self {
+            Filling::Shear => "lattice, shear".to_owned(),
+            Filling::Full => "lattice, full".to_owned(),
+            Filling::FiveTetrahedra { jitter } => tetrahedra("five", jitter),
+            Filling::SixTetrahedra { jitter } => tetrahedra("six", jitter),
+            Filling::Gmsh => "Gmsh".to_owned(),
+        }
+    }
+
+    /// Those that make a difference to its springs.
+    pub fn identifications(self) -> &'static [Identification] {
+        match self {
+            Filling::Shear | Filling::Full => &Identification::ALL[..1],
+            Filling::FiveTetrahedra { .. } | Filling::SixTetrahedra { .. } | Filling::Gmsh => &Identification::ALL,
+        }
+    }
+
+    /// Whether there is such a block with so many cells along its side.
+    pub fn is_made_with(self, cells: usize) -> bool {
+        self != Filling::Gmsh || GMSH_CELLS.contains(&cells)
+    }
+}
+
+/// What is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Quantity {
+    /// Young's modulus, Pa: the force on a bar pulled by its ends, which are free to contract, FL/(AΔL).
+    YoungModulus,
+    /// −(strain across)/(strain along) of the same bar.
+    PoissonRatio,
+    /// How far the lower end of a bar comes down that hangs by its upper one, m: ρgL²/2E.
+    Sag,
+    /// Pressure over strain of a block between slippery walls, Pa: E(1 − ν)/((1 + ν)(1 − 2ν)).
+    ConfinedModulus,
+    /// Force over area and angle of a block whose whole boundary is sheared, Pa: E/2(1 + ν).
+    ShearModulus,
+    /// Settlement u of the surface beside a point force F as u r/F, m²/N, which is (1 − ν²)/(πE) everywhere
+    /// (J. Boussinesq, 1885): the mean over nodes between a quarter and half of the way to the sides. Bottom and sides
+    /// are moved as the half-space is there, so that what is left is of the mesh; they also take away a part of what a
+    /// wrong E would do.
+    Indentation,
+}
+
+impl Quantity {
+    /// All.
+    pub const ALL: [Self; 6] = [
+        Self::YoungModulus,
+        Self::PoissonRatio,
+        Self::Sag,
+        Self::ConfinedModulus,
+        Self::ShearModulus,
+        Self::Indentation,
+    ];
+
+    /// In the elastic solid, in its unit.
+    pub fn expected(self) -> f64 {
+        let (e, nu) = (YOUNG_MODULUS, POISSON_RATIO);
+        let length = SLENDERNESS as f64 * SIZE;
+        match self {
+            Quantity::YoungModulus => e,
+            Quantity::PoissonRatio => nu,
+            Quantity::Sag => DENSITY * GRAVITY * length * length / (2.0 * e),
+            Quantity::ConfinedModulus => e * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu)),
+            Quantity::ShearModulus => e / (2.0 * (1.0 + nu)),
+            Quantity::Indentation => (1.0 - nu * nu) / (PI * e),
+        }
+    }
+}
+
+/// A quantity of one mesh.
+#[derive(Debug, Clone, Serialize)]
+pub struct ElasticityRow {
+    /// What is measured.
+    pub quantity: Quantity,
+    /// How the block is filled.
+    pub filling: String,
+    /// How its springs are told from Young's modulus; none where that is exact.
+    pub identification: Option<&'static str>,
+    /// Cells along the side.
+    pub cells: usize,
+    /// Of the whole block or bar.
+    pub nodes: usize,
+    /// Of the solid.
+    pub expected: f64,
+    /// Of the network, in the same unit.
+    pub measured: f64,
+    /// measured / expected − 1.
+    pub relative_error: f64,
+}
+
+/// Why a quantity was not measured.
+#[derive(Debug, Error)]
+pub enum ElasticityError {
+    /// There is no such bar.
+    #[error("there is no bar by Gmsh with {0} cells along its side")]
+    NoBar(usize),
+    /// A bar's file is damaged.
+    #[error(transparent)]
+    File(#[from] MeshFileError),
+    /// Springs or masses cannot be had.
+    #[error(transparent)]
+    Material(#[from] MaterialError),
+    /// The network can move without a force.
+    #[error("the network has no stable equilibrium under this load")]
+    Unstable,
+}
+
+/// Every quantity of every filling by every identification, in blocks with so many cells along their side: those of one
+/// mesh together, and meshes of one kind, in the order given. Fillings that are not made with so many are left out.
+///
+/// # Errors
+/// As [`measure`].
+pub fn table(cells: &[usize]) -> Result<Vec<ElasticityRow>, ElasticityError> {
+    let mut rows = Vec::new();
+    for filling in Filling::ALL {
+        for &identification in filling.identifications() {
+            for &cells in cells.iter().filter(|&&cells| filling.is_made_with(cells)) {
+                for quantity in Quantity::ALL {
+                    rows.push(measure(quantity, filling, identification, cells)?);
+                }
+            }
+        }
+    }
+    Ok(rows)
+}
+
+/// One quantity of a block with so many cells along its side.
+///
+/// # Errors
+/// If the block cannot be filled so, or does not resist.
+pub fn measure(
+    quantity: Quantity,
+    filling: Filling,
+    identification: Identification,
+    cells: usize,
+) -> Result<ElasticityRow, ElasticityError> {
+    let sides = match quantity {
+        Quantity::YoungModulus | Quantity::PoissonRatio | Quantity::Sag => SLENDERNESS,
+        Quantity::ConfinedModulus | Quantity::ShearModulus | Quantity::Indentation => 1,
+    };
+    let body = Body::new(filling, identification, cells, sides)?;
+    let measured = match quantity {
+        Quantity::YoungModulus => body.pulled()?.0,
+        Quantity::PoissonRatio => body.pulled()?.1,
+        Quantity::Sag => body.sag()?,
+        Quantity::ConfinedModulus => body.strained(|x| Vec3::z() * x.z, |on| on)?,
+        Quantity::ShearModulus => body.strained(|x| Vec3::x() * x.z, |on| [on.contains(&true); 3])?,
+        Quantity::Indentation => body.indented()?,
+    };
+    let expected = quantity.expected();
+    Ok(ElasticityRow {
+        quantity,
+        filling: filling.name(),
+        identification: (filling.identifications().len() > 1).then_some(identification.name()),
+        cells,
+        nodes: body.node_count(),
+        expected,
+        measured,
+        relative_error: measured / expected - 1.0,
+    })
+}
