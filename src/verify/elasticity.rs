@@ -12,7 +12,7 @@ use crate::Vec3;
 use crate::dynamics::statics::Statics;
 use crate::model::material::{Bulk, Identification, MaterialError, POISSON_RATIO, PerSpring};
 use crate::model::mesh::{Block, Stencil};
-use crate::model::network::{Material, Network};
+use crate::model::network::{Material, Network, NetworkError};
 use crate::model::springs::TangentKind;
 
 /// E, Pa; displacements are linear in everything, so that its value does not matter.
@@ -30,6 +30,21 @@ const FORCE: f64 = 1.0;
 const READ: [f64; 2] = [0.25, 0.5];
 
 /// How a block is filled.
+///
+/// ```
+/// use stickslip::model::material::Identification;
+/// use stickslip::verify::elasticity::{Filling, Quantity, measure, table};
+///
+/// // Springs of a lattice are exact where the strain is the same everywhere. Those of tetrahedra have a choice.
+/// let exact = measure(Quantity::YoungModulus, Filling::Shear, Identification::default(), 2)?;
+/// assert!(exact.relative_error.abs() < 1e-12 && exact.identification.is_none());
+/// assert_eq!(Filling::ALL.map(|filling| filling.identifications().len()), [1, 1, 2, 2, 2, 2]);
+/// let table = table(2)?;
+/// assert_eq!(table.len(), (1 + 1 + 2 + 2 + 2 + 2) * Quantity::ALL.len());
+/// let is_of = |filling: Filling| table.iter().filter(|row| row.filling == filling.name()).count();
+/// assert_eq!(is_of(Filling::Full), Quantity::ALL.len());
+/// # Ok::<(), stickslip::verify::elasticity::ElasticityError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Filling {
@@ -155,6 +170,9 @@ pub enum ElasticityError {
     /// Springs or masses cannot be had.
     #[error(transparent)]
     Material(#[from] MaterialError),
+    /// They do not fit the block.
+    #[error(transparent)]
+    Network(#[from] NetworkError),
     /// The network can move without a force.
     #[error("the network has no stable equilibrium under this load")]
     Unstable,
@@ -221,7 +239,7 @@ struct Body {
 type Given = Vec<[Option<f64>; 3]>;
 
 impl Body {
-    fn new(filling: Filling, identification: Identification, cells: [usize; 3]) -> Result<Self, MaterialError> {
+    fn new(filling: Filling, identification: Identification, cells: [usize; 3]) -> Result<Self, ElasticityError> {
         let stencil = if filling == Filling::Full { Stencil::Full } else { Stencil::Shear };
         let block = Block { nodes: cells.map(|cells| cells + 1), spacing: SIZE / cells[0] as f64, stencil };
         let mut mesh = match filling {
@@ -241,7 +259,7 @@ impl Body {
             drag: 0.0,
             gravity: Vec3::zeros(),
         };
-        let network = Network::new(&mesh, &material, vec![false; mesh.nodes.len()]);
+        let network = Network::new(&mesh, &material, vec![false; mesh.nodes.len()])?;
         Ok(Self { block, network })
     }
 

@@ -12,7 +12,7 @@ use crate::contact::law::Law;
 use crate::contact::tick::Scheme;
 use crate::device::instrument::{PathError, TipPath, Waypoint};
 use crate::dynamics::integrators::{GlobalIntegrator, Stepper, Unconstrained};
-use crate::model::network::Network;
+use crate::model::network::{Network, NetworkError};
 use crate::model::step::LocalIntegrator;
 use crate::pipeline::{self, RunError, TickView};
 use crate::scene::{Scene, SceneError};
@@ -116,6 +116,9 @@ pub enum OrderError {
     /// The block.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// Its springs and masses.
+    #[error(transparent)]
+    Network(#[from] NetworkError),
     /// The tip's way.
     #[error(transparent)]
     Path(#[from] PathError),
@@ -298,7 +301,7 @@ fn local_positions(
 
 fn global_positions(integrator: GlobalIntegrator, divisor: u32) -> Result<(Vec<Vec3>, Vec<Vec3>), OrderError> {
     let scene = scene(LocalIntegrator::SemiImplicitEuler, Scheme::Velocity, Motion::Free, divisor)?;
-    let network = Network::new(&scene.mesh.mesh(), &scene.material, scene.fixed.clone());
+    let network = Network::new(&scene.mesh.mesh(), &scene.material, scene.fixed.clone())?;
     let mut state = network.rest_state();
     let mut stepper = Stepper::new(&network);
     for _ in 0..scene.tick_count {

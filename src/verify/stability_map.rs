@@ -18,7 +18,7 @@ use crate::model::condensation::{Condensation, Reach};
 use crate::model::local::{
     ExteriorKind, Linearization, LocalModel, LocalModelBuilder, LocalSettings, LocalState, ModelError,
 };
-use crate::model::network::Network;
+use crate::model::network::{Network, NetworkError};
 use crate::model::patch::Extent;
 use crate::model::springs::TangentKind;
 use crate::model::step::LocalIntegrator;
@@ -182,6 +182,9 @@ pub enum MapError {
     /// K is singular.
     #[error("the patch can move without a force: nothing holds it against the tip")]
     NotHeld,
+    /// The network.
+    #[error(transparent)]
+    Network(#[from] NetworkError),
     /// The local model.
     #[error(transparent)]
     Model(#[from] ModelError),
@@ -305,10 +308,10 @@ impl Subject {
             Linearization::None => TangentKind::Exact,
         };
         let build = |material: &_, exterior, extent, touched| {
-            let network = Network::new(&mesh, material, scene.fixed.clone());
+            let network = Network::new(&mesh, material, scene.fixed.clone())?;
             let settings = LocalSettings { extent, linearization: Linearization::Tangent(tangent), exterior };
             let mut builder = LocalModelBuilder::new(&network, surface.clone(), geometry.clone(), settings);
-            builder.build(&network, &network.rest_state(), scene.path.at(0.0), touched)
+            Ok::<_, MapError>(builder.build(&network, &network.rest_state(), scene.path.at(0.0), touched)?)
         };
         let scheme = scheme(scene, point.integrator);
         let rules = ContactRules { law: Law::Sticking, scheme, ..scene.contact };
