@@ -190,7 +190,7 @@ impl GlobalSide {
 ///     |moment| built += u32::from(moment == Moment::ModelEnds),
 ///     |tick| oldest = oldest.max(tick.model_age),
 /// )?;
-/// assert_eq!((built, oldest), (2, 130));
+/// assert_eq!((built, oldest), (2, 129)); // the first one's, in the last tick before the second came
 ///
 /// // The tip comes down at 25 µm a tick from 2 mm: to a mesh that is 1.01 mm higher, in 39.6 ticks.
 /// let mut mesh = scene.mesh.mesh();
