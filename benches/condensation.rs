@@ -30,7 +30,8 @@ fn main() {
             drag: 0.0,
             gravity: Vec3::zeros(),
         };
-        let network = Network::new(&mesh, &material, (0..count).map(|node| block.is_bottom(node)).collect());
+        let network = Network::new(&mesh, &material, (0..count).map(|node| block.is_bottom(node)).collect())
+            .expect("a value for each node");
         let x = &network.rest;
         let mut selector = PatchSelector::new(&network, &surface);
         let mut patch =

@@ -35,7 +35,10 @@ fn network(nodes: [usize; 3]) -> (Network, Arc<Surface>) {
         gravity: Vec3::zeros(),
     };
     let fixed = (0..count).map(|i| block.is_bottom(i)).collect();
-    (Network::new(&mesh, &material, fixed), Arc::new(Surface::new(&mesh).expect("a block")))
+    (
+        Network::new(&mesh, &material, fixed).expect("a value for each node"),
+        Arc::new(Surface::new(&mesh).expect("a block")),
+    )
 }
 
 fn forces(nodes: [usize; 3]) -> (usize, impl FnMut()) {

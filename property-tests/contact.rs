@@ -358,7 +358,7 @@ impl Dent {
             gravity: Vec3::zeros(),
         };
         let fixed = (0..count).map(|i| block.is_bottom(i)).collect();
-        let network = Network::new(&mesh, &material, fixed);
+        let network = Network::new(&mesh, &material, fixed).expect("a value for each node");
         let mut state = network.rest_state();
         for x in state.x.iter_mut().filter(|x| x.z > -0.005) {
             x.z -= depth * (-(x.x * x.x + x.y * x.y) / 1.5e-4).exp();

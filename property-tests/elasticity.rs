@@ -23,7 +23,7 @@ fn network(mesh: &Mesh, stiffness: Vec<f64>) -> Network {
         drag: 0.0,
         gravity: Vec3::zeros(),
     };
-    Network::new(mesh, &material, vec![false; mesh.nodes.len()])
+    Network::new(mesh, &material, vec![false; mesh.nodes.len()]).expect("a value for each node")
 }
 
 /// Σ K_ij u_j at every node, with the network's own Jacobians.

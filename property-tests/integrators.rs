@@ -62,7 +62,8 @@ fn moving(setup: Setup, integrator: LocalIntegrator, h: f64) -> (LocalModel, Loc
     let Setup { stiffness, damping, drag, gravity, tangent, exterior } = setup;
     let node_mass = (0..count).map(|i| 0.01 + 0.002 * (i % 7) as f64).collect();
     let material = Material { node_mass, stiffness: stiffness.into(), damping: damping.into(), drag, gravity };
-    let network = Network::new(&mesh, &material, (0..count).map(|i| block.is_bottom(i)).collect());
+    let network = Network::new(&mesh, &material, (0..count).map(|i| block.is_bottom(i)).collect())
+        .expect("a value for each node");
     let mut state = network.rest_state();
     for i in (0..count).filter(|&i| !network.fixed[i]) {
         let wave = |k: f64| (k * (i as f64 + 1.0)).sin();
@@ -482,7 +483,8 @@ fn swinging(stiffness: f64) -> (Network, State) {
         drag: 0.05,
         gravity: Vec3::new(0.5, 0.0, -9.81),
     };
-    let network = Network::new(&mesh, &material, (0..count).map(|i| block.is_bottom(i)).collect());
+    let network = Network::new(&mesh, &material, (0..count).map(|i| block.is_bottom(i)).collect())
+        .expect("a value for each node");
     let mut state = network.rest_state();
     for (i, v) in state.v.iter_mut().enumerate().filter(|(i, _)| !network.fixed[*i]) {
         let wave = |k: f64| (k * (i as f64 + 1.0)).sin();

@@ -35,7 +35,7 @@ impl Body {
             drag: 0.0,
             gravity: Vec3::zeros(),
         };
-        let network = Network::new(mesh, &material, vec![false; count]);
+        let network = Network::new(mesh, &material, vec![false; count]).expect("a value for each node");
         let mut state = network.rest_state();
         state.x.iter_mut().for_each(|x| *x = moved(*x));
         let surface = Arc::new(Surface::new(mesh).expect("a surface"));

@@ -128,7 +128,8 @@ fn moving_block(damping: f64, drag: f64) -> (Network, Arc<Surface>, State) {
         drag,
         gravity: Vec3::new(0.3, 0.0, -9.8),
     };
-    let network = Network::new(&mesh, &material, (0..count).map(|i| block.is_bottom(i)).collect());
+    let network = Network::new(&mesh, &material, (0..count).map(|i| block.is_bottom(i)).collect())
+        .expect("a value for each node");
     let mut state = network.rest_state();
     for i in (0..count).filter(|&i| !block.is_bottom(i)) {
         let wave = |k: f64| (k * (i as f64 + 1.0)).sin();

@@ -3,9 +3,12 @@
 use nalgebra::DMatrix;
 use stickslip::Vec3;
 use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper, Unconstrained};
+use stickslip::model::material::PerSpring;
 use stickslip::model::mesh::{Block, Stencil};
-use stickslip::model::network::{Material, Network, State};
+use stickslip::model::network::{Material, Network, NetworkError, State};
 use stickslip::model::springs::Spring;
+use stickslip::pipeline::Simulation;
+use stickslip::scene::{Problem, Scene};
 
 use crate::check::Worst;
 
@@ -19,7 +22,7 @@ fn block(damping: f64) -> (Network, State) {
         drag: 0.0,
         gravity: Vec3::zeros(),
     };
-    let network = Network::new(&mesh, &material, vec![false; count]);
+    let network = Network::new(&mesh, &material, vec![false; count]).expect("a value for each node");
     let mut state = network.rest_state();
     for (i, v) in state.v.iter_mut().enumerate() {
         let wave = |k: f64| (k * (i as f64 + 1.0)).sin();
@@ -183,6 +186,47 @@ fn a_collapsed_spring_is_finite() {
     let mut f = vec![Vec3::zeros(); 2];
     network.forces(&state.x, &state.v, &mut f);
     assert_eq!(f, vec![Vec3::zeros(); 2]);
+}
+
+/// Values that are too few or too many for the mesh, and nodes that it has not, are refused before they are NaN or out of
+/// bounds.
+#[test]
+fn a_material_that_does_not_fit_the_mesh_is_refused() {
+    let mesh = Block { nodes: [3, 3, 2], spacing: 0.01, stencil: Stencil::Shear }.mesh();
+    let (nodes, edges) = (mesh.nodes.len(), mesh.edges.len());
+    let network = |masses: usize, fixed: usize, springs: [usize; 2]| {
+        let [stiffness, damping] = springs.map(|count| PerSpring::Each(vec![1.0; count]));
+        let node_mass = vec![0.01; masses];
+        let material = Material { node_mass, stiffness, damping, drag: 0.0, gravity: Vec3::zeros() };
+        Network::new(&mesh, &material, vec![false; fixed])
+    };
+    let fitting = network(nodes, nodes, [edges; 2]).expect("a value for each");
+    assert!(fitting.springs.iter().all(|spring| spring.stiffness == 1.0 && spring.damping == 1.0));
+    for wrong in [-1, 1] {
+        let [nodes_off, edges_off] = [nodes, edges].map(|count| count.saturating_add_signed(wrong));
+        for (quantity, found, needed, made) in [
+            ("node_mass", nodes_off, nodes, network(nodes_off, nodes, [edges; 2])),
+            ("fixed", nodes_off, nodes, network(nodes, nodes_off, [edges; 2])),
+            ("stiffness", edges_off, edges, network(nodes, nodes, [edges_off, edges])),
+            ("damping", edges_off, edges, network(nodes, nodes, [edges, edges_off])),
+        ] {
+            assert_eq!(made.err(), Some(NetworkError::WrongCount { quantity, found, needed }));
+        }
+    }
+
+    let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+    let problem = |mesh| match Simulation::assemble(&scene, &mesh).expect_err("it does not fit").problem() {
+        Problem::Network(error) => *error,
+        other => panic!("{other}"),
+    };
+    let mut unknown = scene.mesh.mesh();
+    let count = unknown.nodes.len();
+    unknown.triangles[7][1] = u32::MAX;
+    assert_eq!(problem(unknown), NetworkError::UnknownNode { node: u32::MAX, nodes: count });
+    let mut larger = scene.mesh.mesh();
+    larger.nodes.push(Vec3::zeros());
+    let (found, needed) = (count, count + 1);
+    assert_eq!(problem(larger), NetworkError::WrongCount { quantity: "node_mass", found, needed });
 }
 
 /// The network's Jacobian over all nodes, for whoever needs it dense.

@@ -24,7 +24,7 @@ fn network(damping: f64, drag: f64) -> Network {
         drag,
         gravity: Vec3::zeros(),
     };
-    Network::new(&mesh, &material, (0..count).map(|i| block.is_bottom(i)).collect())
+    Network::new(&mesh, &material, (0..count).map(|i| block.is_bottom(i)).collect()).expect("a value for each node")
 }
 
 /// Largest |eigenvalue| of one step of semi-implicit Euler over the free nodes.

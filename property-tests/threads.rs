@@ -55,7 +55,8 @@ fn network(mesh: &Mesh) -> Network {
         gravity: Vec3::new(0.3, 0.0, -9.81),
     };
     let bottom = mesh.nodes.iter().map(|x| x.z).fold(f64::INFINITY, f64::min);
-    Network::new(mesh, &material, mesh.nodes.iter().map(|x| x.z <= bottom).collect())
+    let fixed = mesh.nodes.iter().map(|x| x.z <= bottom).collect();
+    Network::new(mesh, &material, fixed).expect("a mass for every node")
 }
 
 fn differing(a: &State, b: &State) -> usize {

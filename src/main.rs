@@ -8,5 +8,5 @@ use std::process::ExitCode;
 static ALLOCATOR: stickslip::realtime::allocations::Counting = stickslip::realtime::allocations::Counting;
 
 fn main() -> ExitCode {
-    stickslip::cli::main()
+    stickslip::cli::main(std::env::args_os())
 }

@@ -42,6 +42,19 @@ pub enum RunError {
 }
 
 /// What an observer sees after a tick.
+///
+/// ```
+/// use stickslip::{pipeline, scene::Scene};
+///
+/// let mut scene = Scene::shipped("fig5-stick-slip").expect("shipped with the program");
+/// scene.tick_count = 250;
+/// pipeline::run(&scene, |view| {
+///     assert!(((view.tick + 1) as f64 * scene.tick - view.time).abs() < 1e-12);
+///     // The force has no other parts.
+///     assert!((view.normal_force().hypot(view.tangential_force()) - view.force.norm()).abs() < 1e-12);
+/// })?;
+/// # Ok::<(), pipeline::RunError>(())
+/// ```
 #[derive(Debug)]
 pub struct TickView<'a> {
     /// Counted from 0.
@@ -106,6 +119,20 @@ pub enum Moment {
 }
 
 /// The global side with its watch: what comes down is a model, or the cause why there is none.
+///
+/// ```
+/// use stickslip::{pipeline::{Moment, Simulation}, scene::Scene};
+///
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// let (_, mut global) = Simulation::prepare(&scene)?.into_loops();
+/// // No cycle has passed: the next model, below a tip at the origin, is built from the state of the start.
+/// let mut moments = Vec::new();
+/// let message = global.next_model([], &mut |moment| moments.push(moment))?;
+/// assert_eq!(moments, [Moment::CycleBegins, Moment::ModelBegins, Moment::ModelEnds]);
+/// let (start, patch) = (global.simulation().state(), &message.model.patch);
+/// assert!(patch.nodes.iter().zip(&message.state.x).all(|(&node, x)| *x == start.x[node as usize]));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct GlobalSide {
     simulation: GlobalSimulation,
@@ -147,6 +174,32 @@ impl GlobalSide {
 }
 
 /// A scene put together, ready to run.
+///
+/// ```
+/// use stickslip::{contact::law::Mode, pipeline::{Moment, Simulation}, scene::Scene, timeline::Timeline};
+///
+/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// scene.tick_count = 250;
+/// let simulation = Simulation::prepare(&scene)?;
+/// assert_eq!((simulation.network().node_count(), simulation.surface().triangles.len()), (324, 448));
+/// assert!(simulation.device().is_none() && simulation.global().state().x == simulation.network().rest);
+///
+/// // Models are built where cycles end, after 100 and 200 ticks; here they take 30 ticks to come.
+/// let (mut built, mut oldest) = (0, 0);
+/// simulation.with_timeline(Timeline::Ideal { latency: 30 }).run_timed(
+///     |moment| built += u32::from(moment == Moment::ModelEnds),
+///     |tick| oldest = oldest.max(tick.model_age),
+/// )?;
+/// assert_eq!((built, oldest), (2, 129)); // the first one's, in the last tick before the second came
+///
+/// // The tip comes down at 25 µm a tick from 2 mm: to a mesh that is 1.01 mm higher, in 39.6 ticks.
+/// let mut mesh = scene.mesh.mesh();
+/// mesh.nodes.iter_mut().for_each(|node| node.z += 0.00101);
+/// let mut free = 0;
+/// Simulation::assemble(&scene, &mesh)?.run(|tick| free += u32::from(tick.report.mode == Mode::Free))?;
+/// assert_eq!(free, 39);
+/// # Ok::<(), stickslip::pipeline::RunError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Simulation {
     network: Arc<Network>,
@@ -172,17 +225,18 @@ impl Simulation {
         Self::assemble(scene, &scene.mesh.mesh())
     }
 
-    /// The same over a mesh of one's own, with as many nodes as the scene has masses, and as many edges where it has a
-    /// stiffness or damping for each.
+    /// The same over a mesh of one's own.
     ///
     /// # Errors
-    /// As [`prepare`](Self::prepare).
+    /// As [`prepare`](Self::prepare), or if the scene's masses, or its springs' constants where each has its own, are not
+    /// as many as the mesh's nodes and edges.
     pub fn assemble(scene: &Scene, mesh: &Mesh) -> Result<Self, SceneError> {
+        let network = Network::new(mesh, &scene.material, scene.fixed.clone());
+        let network = Arc::new(network.map_err(|error| scene.mesh_error(Problem::Network(error)))?);
         let surface = Surface::new(mesh).map_err(|error| scene.mesh_error(Problem::Surface(error)))?;
         let surface = Arc::new(surface);
         let geometry =
             ContactGeometry::new(scene.surface, &surface).map_err(|error| scene.mesh_error(Problem::Surface(error)))?;
-        let network = Arc::new(Network::new(mesh, &scene.material, scene.fixed.clone()));
         let mut start = network.rest_state();
         if scene.settle {
             start.x = settle(&network).map_err(|error| scene.settle_error(error))?;
@@ -296,6 +350,22 @@ impl Simulation {
 }
 
 /// A run in lockstep, tick by tick.
+///
+/// ```
+/// use stickslip::{pipeline::{Lockstep, Simulation}, scene::Scene};
+///
+/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// scene.tick_count = 120;
+/// let mut run = Lockstep::new(Simulation::prepare(&scene)?);
+/// let mut ticks = 0;
+/// while run.begin_tick(&mut |_| ())? {
+///     let from = run.servo().tip();
+///     run.finish_tick(&mut |_| (), &mut |view| assert_eq!(view.tip_before, from))?;
+///     ticks += 1;
+/// }
+/// assert_eq!((ticks, run.servo().next_tick()), (120, 120));
+/// # Ok::<(), stickslip::pipeline::RunError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Lockstep {
     simulation: Simulation,

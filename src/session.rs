@@ -108,6 +108,15 @@ pub struct TickToReplay {
 }
 
 /// What makes a tick worth another look.
+///
+/// ```
+/// use stickslip::session::Why;
+///
+/// let written = serde_json::to_value(Why::HandOver)?;
+/// assert_eq!(written, Why::HandOver.name());
+/// assert_eq!(serde_json::from_value::<Why>(written)?, Why::HandOver);
+/// # Ok::<(), serde_json::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Why {
     /// From the start of its tick to its command.

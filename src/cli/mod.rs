@@ -20,6 +20,7 @@ mod terminal;
 mod tick_timing;
 mod time;
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -163,9 +164,22 @@ fn after_help() -> String {
     )
 }
 
-/// Parses the arguments and does what they say.
-pub fn main() -> ExitCode {
-    let Arguments { command, asked } = Arguments::parse();
+/// Parses the arguments, of which the first is the program's name, and does what they say.
+///
+/// ```
+/// use std::process::ExitCode;
+/// use stickslip::cli;
+///
+/// let folder = tempfile::tempdir()?;
+/// let out = folder.path().to_str().expect("a path in Unicode");
+/// let done = cli::main(["stickslip", "run", "fixtures/crosscheck/wall.toml", "--quiet", "--out", out].map(Into::into));
+/// assert_eq!(done, ExitCode::SUCCESS);
+/// assert!(folder.path().join("trace.csv").exists());
+/// assert_eq!(cli::main(["stickslip", "run", "fixtures/no-such-scene.toml"].map(Into::into)), ExitCode::from(2));
+/// # Ok::<(), std::io::Error>(())
+/// ```
+pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let Arguments { command, asked } = Arguments::parse_from(arguments);
     terminal::ask(asked);
     let done = match command.unwrap_or_else(|| Command::Report(ReportArguments::default())) {
         Command::Report(arguments) => report::report(&arguments),

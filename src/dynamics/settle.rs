@@ -44,6 +44,23 @@ pub enum SettleError {
 ///
 /// # Errors
 /// If a piece of the network has no fixed node, or no equilibrium is found.
+///
+/// ```
+/// use stickslip::dynamics::settle::{SettleError, settle};
+/// use stickslip::model::{network::{ExternalForce, Network}, springs::Spring};
+/// use stickslip::Vec3;
+///
+/// // A mass of 1 kg that hangs by a spring of 10 cm and 100 N/m.
+/// let hanging = |is_held: bool| {
+///     let spring = Spring { nodes: [0, 1], stiffness: 100.0, damping: 0.0, rest_length: 0.1 };
+///     let (rest, gravity) = (vec![Vec3::zeros(), Vec3::z() * -0.1], ExternalForce::Gravity(Vec3::z() * -9.81));
+///     Network::from_parts(rest, vec![1.0; 2], vec![is_held, false], &[spring], vec![gravity])
+/// };
+/// let x = settle(&hanging(true))?;
+/// assert!((x[1] - Vec3::z() * (-0.1 - 9.81 / 100.0)).norm() < 1e-12); // mg/k lower
+/// assert_eq!(settle(&hanging(false)), Err(SettleError::Floating { node: 0 }));
+/// # Ok::<(), SettleError>(())
+/// ```
 pub fn settle(network: &Network) -> Result<Vec<Vec3>, SettleError> {
     if let Some(node) = floating(network) {
         return Err(SettleError::Floating { node });

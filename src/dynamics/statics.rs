@@ -13,6 +13,23 @@ use crate::{Mat3, Vec3};
 const HELD: usize = usize::MAX;
 
 /// Which components of displacements are solved for, and the order in which they are eliminated.
+///
+/// ```
+/// use stickslip::dynamics::statics::Statics;
+/// use stickslip::model::{network::Network, springs::{Spring, TangentKind}};
+/// use stickslip::Vec3;
+///
+/// // A bead on an upright spring of 100 N/m that may move along it only.
+/// let spring = Spring { nodes: [0, 1], stiffness: 100.0, damping: 0.0, rest_length: 0.1 };
+/// let rest = vec![Vec3::zeros(), Vec3::z() * 0.1];
+/// let network = Network::from_parts(rest, vec![0.01; 2], vec![true, false], &[spring], vec![]);
+/// let mut statics = Statics::new([[true; 3], [true, true, false]]);
+/// let mut load = [Vec3::zeros(), Vec3::new(1.0, 0.0, -2.0)];
+/// statics.free_part(&mut load);
+/// assert_eq!(load[1], Vec3::z() * -2.0); // the rest is for whatever holds it
+/// let u = statics.displacements(&network, &network.rest, TangentKind::Exact, 0.0, &load).expect("it resists");
+/// assert!((u[1] - Vec3::z() * -0.02).norm() < 1e-15); // F/k
+/// ```
 #[derive(Debug, Clone)]
 pub struct Statics {
     /// Number of each node's x, y and z among the unknowns, or [`HELD`].

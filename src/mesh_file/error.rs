@@ -8,6 +8,15 @@ use thiserror::Error;
 use crate::model::surface::SurfaceError;
 
 /// A mesh file that cannot be used.
+///
+/// ```
+/// use std::path::Path;
+/// use stickslip::mesh_file::{MeshFile, MeshProblem};
+///
+/// let error = MeshFile::parse(b"", Path::new("liver.stl"), 1 << 20).expect_err("not a format of bodies");
+/// assert!(matches!(error.problem(), MeshProblem::Extension));
+/// assert!(error.problem().advice().contains("meshio converts others"));
+/// ```
 #[derive(Debug, Error)]
 #[error("{}{}: {}", path.display(), flaw.place, flaw.problem)]
 pub struct MeshFileError {

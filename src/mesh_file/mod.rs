@@ -70,6 +70,30 @@ impl FileMesh {
 }
 
 /// What has been read of a file.
+///
+/// ```
+/// use std::path::Path;
+/// use stickslip::mesh_file::{Layers, MeshFile};
+///
+/// // A corner of a cube, in centimetres, as Gmsh writes it.
+/// let text = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 3 0 0\n3 0 3 0\n4 0 0 3\n$EndNodes\n\
+///             $Elements\n1\n1 4 2 1 1 1 2 3 4\n$EndElements\n";
+/// let file = MeshFile::parse(text.as_bytes(), Path::new("corner.msh"), 1 << 20)?;
+/// assert_eq!((file.cells().tetrahedra.len(), file.is_surface()), (1, false));
+/// let solid = file.solid(0.01)?;
+/// assert!((solid.mesh.tetrahedron_volume(solid.mesh.tetrahedra[0]) - 0.03_f64.powi(3) / 6.0).abs() < 1e-18);
+/// assert_eq!((solid.extent(), solid.bottom().filter(|is_bottom| *is_bottom).count()), (0.03, 3));
+///
+/// // A surface becomes the wall of a hollow body.
+/// let file = MeshFile::read(Path::new("fixtures/meshes/formats/surface-2.2-text.msh"), 1 << 30)?;
+/// let (layers, vertices) = (Layers { count: 2, depth: 1e-4 }, file.cells().nodes.len());
+/// assert!(file.is_surface());
+/// let sizes = layers.sizes(file.cells());
+/// let shell = file.shell(0.01, layers)?;
+/// assert_eq!((shell.mesh.nodes.len(), shell.innermost.len()), (3 * vertices, vertices));
+/// assert_eq!((shell.mesh.nodes.len() as u128, shell.mesh.edges.len() as u128), sizes);
+/// # Ok::<(), stickslip::mesh_file::MeshFileError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct MeshFile {
     path: PathBuf,

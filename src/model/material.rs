@@ -19,6 +19,15 @@ pub const POISSON_RATIO: f64 = 0.25;
 const FLAT: f64 = 1e-12;
 
 /// A constant of springs.
+///
+/// ```
+/// use stickslip::model::material::PerSpring;
+///
+/// let mut stiffness = PerSpring::Each(vec![100.0, 300.0]);
+/// stiffness /= 2.0;
+/// assert_eq!((stiffness.at(1), stiffness.range()), (150.0, [50.0, 150.0]));
+/// assert_eq!(PerSpring::from(100.0).at(1), 100.0);
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub enum PerSpring {
     /// The same for all.
@@ -28,7 +37,16 @@ pub enum PerSpring {
 }
 
 impl PerSpring {
-    /// Of the spring along an edge; NaN where the mesh has more edges than there are values.
+    /// How many values there are, if not one for all.
+    pub(crate) fn count(&self) -> Option<usize> {
+        match self {
+            PerSpring::Same(_) => None,
+            PerSpring::Each(values) => Some(values.len()),
+        }
+    }
+
+    /// Of the spring along an edge; NaN where there is no value for it, of which no
+    /// [network](super::network::Network::new) can be made.
     pub fn at(&self, edge: usize) -> f64 {
         match self {
             PerSpring::Same(value) => *value,
@@ -88,6 +106,21 @@ impl fmt::Display for PerSpring {
 
 /// How the springs of tetrahedra are told from Young's modulus. Tetrahedra do not fill space isotropically: neither is
 /// exact, and neither becomes so under refinement.
+///
+/// ```
+/// use stickslip::model::material::{Bulk, Identification};
+/// use stickslip::{Vec3, model::mesh::Mesh};
+///
+/// // A regular tetrahedron: four corners of a cube.
+/// let nodes = [[0.0, 0.0, 0.0], [1.0, 0.0, 1.0], [1.0, 1.0, 0.0], [0.0, 1.0, 1.0]].map(Vec3::from).to_vec();
+/// let edges = vec![[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
+/// let mesh = Mesh { nodes, edges, triangles: vec![], tetrahedra: vec![[0, 1, 2, 3]] };
+/// let bulk = Bulk::Tetrahedra(&mesh);
+/// assert_eq!(bulk.node_volumes(), Ok(vec![1.0 / 12.0; 4])); // a third of the cube
+/// let [van_gelder, lloyd] = Identification::ALL.map(|kind| bulk.stiffness(1e4, kind).expect("it is filled"));
+/// assert!(van_gelder.iter().zip(&lloyd).all(|(k, nearest)| (nearest / k - 24.0 / 25.0).abs() < 1e-14));
+/// assert_eq!(Identification::Lloyd.name(), "lloyd");
+/// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Identification {
     /// k = E Σ V/L² over the tetrahedra around an edge: each gives each of its edges the same k L², so that C_iijj is
@@ -260,6 +293,15 @@ fn tetrahedral_stiffness(
 ///
 /// It is ζ of that pair alone. In a network of equal springs and masses a mode of angular frequency ω is damped by
 /// ζω√(m/2k): the slowest by far less, the fastest by two or three times ζ.
+///
+/// ```
+/// use stickslip::{Vec3, model::{material::pair_damping, mesh::Mesh}};
+///
+/// let mesh = Mesh { nodes: vec![Vec3::zeros(), Vec3::x()], edges: vec![[0, 1]], ..Mesh::default() };
+/// let c = pair_damping(&mesh, &100.0.into(), &[1.0, 3.0], 0.5)[0];
+/// // Half of what is critical of two masses on a spring: c² = 4k m₁m₂/(m₁ + m₂).
+/// assert!((c - 0.5 * (4.0 * 100.0 * 0.75_f64).sqrt()).abs() < 1e-14);
+/// ```
 pub fn pair_damping(mesh: &Mesh, stiffness: &PerSpring, node_mass: &[f64], ratio: f64) -> Vec<f64> {
     let damping = |(edge, &[i, j]): (usize, &[u32; 2])| {
         let [mi, mj] = [i, j].map(|node| node_mass[node as usize]);

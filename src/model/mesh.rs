@@ -67,9 +67,13 @@ impl Stencil {
 ///
 /// ```
 /// use stickslip::model::mesh::{Block, Stencil};
-/// let mesh = Block { nodes: [9, 9, 4], spacing: 0.0125, stencil: Stencil::Shear }.mesh();
+/// let block = Block { nodes: [9, 9, 4], spacing: 0.0125, stencil: Stencil::Shear };
+/// let mesh = block.mesh();
 /// assert_eq!(mesh.nodes.len(), 324);
 /// assert_eq!(mesh.triangles.len(), 448);
+/// // A node at a corner stands for an eighth of a cell, and the edge along x from it belongs to one cell of four.
+/// assert_eq!((block.boundary_directions(0), block.node_volumes()[0]), (3, 0.0125_f64.powi(3) / 8.0));
+/// assert_eq!((mesh.edges[0], block.edge_shares().next()), ([0, 1], Some((1, 0.25))));
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Block {

@@ -1,5 +1,7 @@
 //! The full model (1)–(2): lumped masses, damped springs, gravity and drag.
 
+use thiserror::Error;
+
 use super::material::PerSpring;
 use super::mesh::Mesh;
 use super::springs::{Spring, Springs};
@@ -66,6 +68,29 @@ pub struct Material {
     pub gravity: Vec3,
 }
 
+/// Why a mesh and a material make no network.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum NetworkError {
+    /// Not as many values as there are nodes or edges to take them.
+    #[error("`{quantity}` has {found} values, the mesh takes {needed}")]
+    WrongCount {
+        /// Of what.
+        quantity: &'static str,
+        /// Values that are given.
+        found: usize,
+        /// Values that are needed.
+        needed: usize,
+    },
+    /// An edge or a triangle of a node that is not there.
+    #[error("the mesh has {nodes} nodes, but one of its edges or triangles names node {node}")]
+    UnknownNode {
+        /// The one that is named.
+        node: u32,
+        /// How many there are.
+        nodes: usize,
+    },
+}
+
 /// Positions and velocities of every node.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct State {
@@ -86,7 +111,7 @@ pub struct State {
 /// let gravity = Vec3::new(0.0, 0.0, -9.81);
 /// let (stiffness, damping) = (100.0.into(), 0.5.into());
 /// let material = Material { node_mass: vec![0.01; 18], stiffness, damping, drag: 0.0, gravity };
-/// let network = Network::new(&mesh, &material, (0..18).map(|node| block.is_bottom(node)).collect());
+/// let network = Network::new(&mesh, &material, (0..18).map(|node| block.is_bottom(node)).collect())?;
 /// assert_eq!((network.node_count(), network.springs.len()), (18, block.edge_count()));
 /// assert_eq!(network.links(13).len(), 8 + 9); // in the middle of the top: its layer and the one below
 /// assert_eq!((network.inverse_mass[0], network.inverse_mass[13]), (0.0, 100.0)); // the bottom is fixed
@@ -98,6 +123,7 @@ pub struct State {
 /// network.forces(&state.x, &state.v, &mut f);
 /// assert!((f.iter().sum::<Vec3>() - gravity * 0.18).norm() < 1e-14);
 /// assert!((network.fixed_potential() + 9.0 * 0.01 * 9.81 * 0.01).abs() < 1e-15); // Σ mgz, z = −1 cm
+/// # Ok::<(), stickslip::model::network::NetworkError>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct Network {
@@ -127,9 +153,26 @@ pub struct Link {
 }
 
 impl Network {
-    /// Joins the nodes of a mesh by springs whose rest length is the mesh's edge length. The material has one mass for
-    /// each of its nodes.
-    pub fn new(mesh: &Mesh, material: &Material, fixed: Vec<bool>) -> Self {
+    /// Joins the nodes of a mesh by springs whose rest length is the mesh's edge length.
+    ///
+    /// # Errors
+    /// If `node_mass` or `fixed` has not one entry for each node, `stiffness` or `damping` not one for all edges nor one
+    /// for each, or the mesh names a node that it does not have.
+    pub fn new(mesh: &Mesh, material: &Material, fixed: Vec<bool>) -> Result<Self, NetworkError> {
+        let (nodes, edges) = (mesh.nodes.len(), mesh.edges.len());
+        let counts = [
+            ("node_mass", material.node_mass.len(), nodes),
+            ("fixed", fixed.len(), nodes),
+            ("stiffness", material.stiffness.count().unwrap_or(edges), edges),
+            ("damping", material.damping.count().unwrap_or(edges), edges),
+        ];
+        if let Some((quantity, found, needed)) = counts.into_iter().find(|(_, found, needed)| found != needed) {
+            return Err(NetworkError::WrongCount { quantity, found, needed });
+        }
+        let named = mesh.edges.as_flattened().iter().chain(mesh.triangles.as_flattened());
+        if let Some(&node) = named.max().filter(|&&node| node as usize >= nodes) {
+            return Err(NetworkError::UnknownNode { node, nodes });
+        }
         let springs: Vec<Spring> = mesh
             .edges
             .iter()
@@ -148,7 +191,7 @@ impl Network {
         if material.drag != 0.0 {
             external.push(ExternalForce::Drag(material.drag));
         }
-        Self::from_parts(mesh.nodes.clone(), material.node_mass.clone(), fixed, &springs, external)
+        Ok(Self::from_parts(mesh.nodes.clone(), material.node_mass.clone(), fixed, &springs, external))
     }
 
     /// A network of any springs, for instance one whose springs differ.

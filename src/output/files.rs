@@ -58,6 +58,19 @@ pub struct FinishedRun {
 ///
 /// # Errors
 /// If the scene cannot start, and then nothing is written; or a file cannot be.
+///
+/// ```
+/// use stickslip::{output::files::run_into, scene::Scene};
+///
+/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// scene.tick_count = 150; // the tip meets the block after 80
+/// let folder = tempfile::tempdir()?;
+/// let run = run_into(&scene, folder.path(), |_| ())?;
+/// assert!(run.summary.passes() && run.fault.is_none());
+/// let trace = std::fs::read_to_string(folder.path().join("trace.csv"))?;
+/// assert_eq!((run.samples.len(), trace.lines().count()), (150, 1 + 150));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn run_into(scene: &Scene, out: &Path, watch: impl FnMut(&TickView)) -> Result<FinishedRun, RunFilesError> {
     let simulation = Simulation::prepare(scene)?;
     Ok(write_run(scene, simulation, out, watch, |simulation, observe| simulation.run(observe).err())?)
@@ -67,6 +80,24 @@ pub fn run_into(scene: &Scene, out: &Path, watch: impl FnMut(&TickView)) -> Resu
 ///
 /// # Errors
 /// If a file cannot be written.
+///
+/// ```
+/// use stickslip::{output::files::write_run, pipeline::{Lockstep, Simulation}, scene::Scene};
+///
+/// // The first tenth of a run.
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// let folder = tempfile::tempdir()?;
+/// let run = write_run(&scene, Simulation::prepare(&scene)?, folder.path(), |_| (), |simulation, mut observe| {
+///     let mut run = Lockstep::new(simulation);
+///     (0..120).try_for_each(|_| {
+///         run.begin_tick(&mut |_| ())?;
+///         run.finish_tick(&mut |_| (), &mut observe)
+///     })
+///     .err()
+/// })?;
+/// assert_eq!((run.samples.len(), run.summary.ticks), (120, 120));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn write_run(
     scene: &Scene,
     simulation: Simulation,
@@ -119,6 +150,21 @@ pub fn write_run(
 ///
 /// # Errors
 /// If the folder cannot be written.
+///
+/// ```
+/// use stickslip::output::files::{write_file, write_json};
+///
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("forces.json");
+/// write_json(&path, &[0.1, 1e-300])?;
+/// let forces: Vec<f64> = serde_json::from_slice(&std::fs::read(&path)?)?;
+/// assert_eq!(forces, [0.1, 1e-300]); // to the last bit
+/// write_file(&path, b"[]")?;
+/// assert_eq!(std::fs::read(&path)?, b"[]");
+/// let error = write_file(&folder.path().join("absent/forces.json"), b"").expect_err("there is no such folder");
+/// assert!(error.path.ends_with("absent/forces.json"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn write_file(path: &Path, content: &[u8]) -> Result<(), WriteError> {
     let folder = path.parent().unwrap_or(Path::new("."));
     let write = || {

@@ -15,6 +15,26 @@ const BYTES_PER_POSITION: usize = 6;
 const STEPS: f64 = u16::MAX as f64;
 
 /// Collects frames from the ticks of a run.
+///
+/// ```
+/// use stickslip::{output::frames::{FrameRecorder, NoFrames}, pipeline, scene::Scene};
+///
+/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// scene.tick_count = 150; // the tip meets the block after 80
+/// let record = |most_bytes| {
+///     let mut recorder = FrameRecorder::new(&scene, most_bytes);
+///     pipeline::run(&scene, |tick| recorder.record(tick)).expect("it comes to its end");
+///     recorder.finish()
+/// };
+/// let frames = record(1 << 20)?;
+/// assert_eq!(frames.time_s.len(), 9); // one in 17 ticks of 1 ms: not more than 60 a second
+/// assert_eq!(frames.fixed.len(), 81); // the bottom
+/// assert_eq!(frames.positions.len(), 9 * 3 * frames.moving.len());
+/// let size_m = frames.step_m * f64::from(u16::MAX);
+/// assert!((size_m - 0.1).abs() < 0.001); // the block is 10 cm long
+/// assert_eq!(record(100).err(), Some(NoFrames::TooLarge { vertices: 226 }));
+/// # Ok::<(), NoFrames>(())
+/// ```
 #[derive(Debug)]
 pub struct FrameRecorder {
     /// By node.

@@ -28,6 +28,17 @@ pub struct Stretch {
 ///
 /// # Errors
 /// If the plotting library cannot draw it.
+///
+/// ```
+/// use stickslip::output::latency::{Stretch, over_time};
+///
+/// let stretch = |time_s| Stretch { time_s, response_us: [80.0, 20.0], control_us: 0.0 };
+/// let mut stretches = [0.0, 1.0, 2.0].map(stretch);
+/// assert!(!over_time(&stretches, 1e3)?.contains("longest of the empty loop")); // it was not run
+/// stretches[1].control_us = 5.0;
+/// assert!(over_time(&stretches, 1e3)?.contains("longest of the empty loop"));
+/// # Ok::<(), std::io::Error>(())
+/// ```
 pub fn over_time(stretches: &[Stretch], deadline_us: f64) -> io::Result<String> {
     document(SIZE, |area| draw_over_time(area, stretches, deadline_us))
 }
@@ -37,6 +48,18 @@ pub fn over_time(stretches: &[Stretch], deadline_us: f64) -> io::Result<String> 
 ///
 /// # Errors
 /// If the plotting library cannot draw it.
+///
+/// ```
+/// use stickslip::output::latency::tails;
+///
+/// // Of ten thousand ticks one took longer than 400 µs, and none longer than 600 µs.
+/// let servo = [(50.0, 0.5), (400.0, 1e-4), (600.0, 0.0)];
+/// let svg = tails(&servo, &[], 1e3)?;
+/// assert!(svg.contains("share of ticks that take longer") && !svg.contains("empty loop"));
+/// // The empty loop is drawn where it was run.
+/// assert!(tails(&servo, &[(5.0, 0.1), (20.0, 1e-4)], 1e3)?.contains("empty loop"));
+/// # Ok::<(), std::io::Error>(())
+/// ```
 pub fn tails(servo: &[(f64, f64)], control: &[(f64, f64)], deadline_us: f64) -> io::Result<String> {
     document(SIZE, |area| draw_tails(area, servo, control, deadline_us))
 }

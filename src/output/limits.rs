@@ -43,6 +43,17 @@ const LEAST_RATIO: f64 = 0.95;
 ///
 /// # Errors
 /// If the plotting library cannot draw it.
+///
+/// ```
+/// use stickslip::output::limits::{Curve, Panel, limits};
+///
+/// // Four times the stiffness, half the step; without any there is no limit.
+/// let steps = vec![[None; 2], [Some(2e-3), Some(1.99e-3)], [Some(1e-3), Some(1e-3)]];
+/// let panel = Panel { title: "semi-implicit-euler".to_owned(), curves: vec![Curve { series: 0, steps }] };
+/// let svg = limits("stiffness (N/m)", &[0.0, 100.0, 400.0], &["free".to_owned()], &[panel])?;
+/// assert!(svg.contains("semi-implicit-euler") && svg.contains("no limit"));
+/// # Ok::<(), std::io::Error>(())
+/// ```
 pub fn limits(varied: &str, values: &[f64], series: &[String], panels: &[Panel]) -> io::Result<String> {
     let rows = panels.len().div_ceil(COLUMNS);
     document((WIDTH, LEGEND + PANEL * rows as u32), |root| draw(root, varied, values, series, panels))

@@ -20,6 +20,19 @@ const BUCKETS: usize = 2000;
 ///
 /// # Errors
 /// If the plotting library cannot draw it.
+///
+/// ```
+/// use stickslip::output::{plots::forces, summary::Recorder};
+/// use stickslip::{pipeline, scene::Scene};
+///
+/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// scene.tick_count = 150; // the tip meets the block after 80
+/// let mut recorder = Recorder::default();
+/// pipeline::run(&scene, |tick| recorder.record(tick))?;
+/// let svg = forces(&scene.name, recorder.samples())?;
+/// assert!(svg.starts_with("<svg") && svg.contains("fig3-sliding"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn forces(title: &str, samples: &[Sample]) -> io::Result<String> {
     document(SIZE, |root| draw(root, title, samples))
 }
@@ -42,6 +55,18 @@ pub struct Jump {
 ///
 /// # Errors
 /// If the plotting library cannot draw it.
+///
+/// ```
+/// use stickslip::output::plots::{Jump, jumps};
+///
+/// let columns = ["faceted".to_owned(), "smooth".to_owned()];
+/// let mark = |column, relative| Jump { column, series: 0, hollow: false, relative };
+/// let svg = jumps(&columns, &["sliding"], &[mark(0, 0.2), mark(1, 0.01)])?;
+/// // A hundredth is below a fifth; in a drawing that is a larger y. The first circle is the legend's or a mark's.
+/// let heights: Vec<i32> = svg.split("<circle ").skip(1).filter_map(|mark| mark.split("cy=\"").nth(1)?.split('"').next()?.parse().ok()).collect();
+/// assert!(heights.windows(2).any(|pair| pair[1] > pair[0] + 50));
+/// # Ok::<(), std::io::Error>(())
+/// ```
 pub fn jumps(columns: &[String], series: &[&str], marks: &[Jump]) -> io::Result<String> {
     document(SIZE, |root| draw_jumps(root, columns, series, marks))
 }

@@ -62,6 +62,28 @@ pub struct Precision<'a> {
 ///
 /// # Errors
 /// If the plotting library cannot draw it.
+///
+/// ```
+/// use stickslip::output::precision::{Mark, Precision, precision};
+///
+/// let mark = |cost, error, label: &str| Mark {
+///     cost: Some(cost),
+///     error,
+///     group: 0,
+///     triangle: false,
+///     hollow: cost > 1000.0,
+///     diverged: false,
+///     on_front: true,
+///     label: Some(label.to_owned()),
+/// };
+/// // Rings around the contact: each costs more and leaves less error.
+/// let marks = [mark(10.0, 0.3, "1 ring"), mark(50.0, 0.1, "2 rings"), mark(2000.0, 0.001, "all rings")];
+/// let (title, cost, groups) = ("deep sticking", "µs a tick", &["fixed"][..]);
+/// let figure = Precision { title, cost, groups, marks: &marks, budget: 1000.0, floor: 1e-4, perception: 0.1 };
+/// let svg = precision(&figure)?;
+/// assert!(["1 ring", "2 rings", "all rings"].iter().all(|name| svg.contains(name)));
+/// # Ok::<(), std::io::Error>(())
+/// ```
 pub fn precision(figure: &Precision) -> io::Result<String> {
     document(SIZE, |root| draw_precision(root, figure))
 }
@@ -70,6 +92,24 @@ pub fn precision(figure: &Precision) -> io::Result<String> {
 ///
 /// # Errors
 /// If the plotting library cannot draw it.
+///
+/// ```
+/// use stickslip::output::{precision::compared_forces, summary::Recorder};
+/// use stickslip::{model::patch::Extent, pipeline, scene::Scene};
+///
+/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// scene.tick_count = 150;
+/// let mut recorders = [1, 2].map(|rings| (rings, Recorder::default()));
+/// for (rings, recorder) in &mut recorders {
+///     scene.local.extent = Extent::Rings(*rings);
+///     pipeline::run(&scene, |tick| recorder.record(tick))?;
+/// }
+/// let [one, two] = recorders.each_ref().map(|(_, recorder)| recorder.samples());
+/// assert!(two[149].normal_force < one[149].normal_force); // more of the block gives way
+/// let svg = compared_forces("fig3-sliding", &[("one ring", one), ("two rings", two)])?;
+/// assert!(svg.contains("one ring") && svg.contains("two rings"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn compared_forces(title: &str, runs: &[(&str, &[Sample])]) -> io::Result<String> {
     document(SIZE, |root| draw_forces(root, title, runs))
 }

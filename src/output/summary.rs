@@ -43,6 +43,22 @@ impl Summary {
 }
 
 /// Collects a run tick by tick.
+///
+/// ```
+/// use stickslip::{output::summary::Recorder, pipeline, scene::Scene};
+///
+/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// scene.tick_count = 150; // the tip meets the block after 80
+/// let mut recorder = Recorder::default();
+/// pipeline::run(&scene, |tick| recorder.record(tick))?;
+/// let summary = recorder.summary(&scene, None, 0.1);
+/// assert!(summary.passes());
+/// assert_eq!((summary.ticks, summary.mode_ticks.free, summary.collisions), (150, 80, 1));
+/// // Without friction the force is along the normal.
+/// let samples = recorder.samples();
+/// assert!(samples[149].normal_force > 0.1 && samples[149].tangential_force < 1e-12);
+/// # Ok::<(), stickslip::pipeline::RunError>(())
+/// ```
 #[derive(Debug, Default)]
 pub struct Recorder {
     samples: Vec<Sample>,

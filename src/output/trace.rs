@@ -8,6 +8,23 @@ use crate::pipeline::TickView;
 /// A row. Floats are written in their shortest form that reads back to the same bits. The contact
 /// columns are those of the located contact and stay empty in free ticks; those of a modelled device stay empty
 /// without one.
+///
+/// ```
+/// use stickslip::{output::trace::TraceRow, pipeline, scene::Scene};
+///
+/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// scene.tick_count = 150; // the tip meets the block after 80
+/// let mut trace = csv::Writer::from_writer(Vec::new());
+/// pipeline::run(&scene, |tick| trace.serialize(TraceRow::new(tick)).expect("a row fits the header"))?;
+/// let text = String::from_utf8(trace.into_inner()?)?;
+/// let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+/// let column = rows[0].iter().position(|name| *name == "triangle").expect("a column of it");
+/// // A contact has a triangle, a free tip has none.
+/// assert_eq!(rows.len(), 151);
+/// assert!(rows[1..=80].iter().all(|row| row[column].is_empty()));
+/// assert!(rows[81..].iter().all(|row| !row[column].is_empty()));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TraceRow {
     tick: u64,

@@ -32,6 +32,20 @@ const FRAMES: &str = "vtk";
 ///
 /// Nodes of the patch are where the local side has them, those of the surface where the local model holds them, all
 /// others where the global side left them at the last boundary. All quantities are SI.
+///
+/// ```
+/// use stickslip::{output::vtk::VtkWriter, pipeline, scene::Scene};
+///
+/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// scene.tick_count = 150; // the tip meets the block after 80
+/// let folder = tempfile::tempdir()?;
+/// let mut writer = VtkWriter::new(folder.path(), 50)?;
+/// pipeline::run(&scene, |tick| writer.record(tick))?;
+/// assert_eq!(writer.finish()?, 3);
+/// let times = std::fs::read_to_string(folder.path().join("network.pvd"))?;
+/// assert_eq!(times.matches("<DataSet timestep=").count(), 3);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct VtkWriter {
     out: PathBuf,

@@ -28,6 +28,17 @@ const ALL_WALLS: f64 = 6.0;
 ///
 /// # Errors
 /// If the plotting library cannot draw it.
+///
+/// ```
+/// use stickslip::output::z_width::{RateCurve, z_width};
+///
+/// // Between no wall and all walls there are decades of stiffness.
+/// let quiet = vec![Some(0.0), Some(1200.0), None];
+/// let curve = RateCurve { name: "1000 Hz".to_owned(), quiet, by_damping: vec![0.0, 900.0, 2000.0] };
+/// let svg = z_width(&[0.0, 1.0, 2.0], &[curve], None)?;
+/// assert!(["1000 Hz", "none", "all", "1e3"].iter().all(|text| svg.contains(text)));
+/// # Ok::<(), std::io::Error>(())
+/// ```
 pub fn z_width(dampings: &[f64], rates: &[RateCurve], by_friction: Option<f64>) -> io::Result<String> {
     document((960, 460), |root| draw(root, dampings, rates, by_friction))
 }

@@ -24,6 +24,14 @@ const LAGS: usize = 10;
 const STEAL_MARGIN_NS: u64 = 50_000_000;
 
 /// What can be said.
+///
+/// ```
+/// use stickslip::realtime::certificate::Verdict;
+///
+/// let verdicts = [Verdict::Pass, Verdict::Fail, Verdict::Inconclusive];
+/// assert_eq!(serde_json::to_value(verdicts)?, serde_json::json!(verdicts.map(Verdict::name)));
+/// # Ok::<(), serde_json::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "UPPERCASE")]
 pub enum Verdict {

@@ -13,6 +13,7 @@ use crate::dynamics::settle::SettleError;
 use crate::mesh_file::MeshFileError;
 use crate::model::local::ModelError;
 use crate::model::material::MaterialError;
+use crate::model::network::NetworkError;
 use crate::model::surface::SurfaceError;
 
 /// What is wrong.
@@ -123,6 +124,9 @@ pub enum Problem {
     /// There is no equilibrium to start from.
     #[error("`settle`: {0}")]
     Settle(SettleError),
+    /// Mesh and material do not go together.
+    #[error(transparent)]
+    Network(#[from] NetworkError),
     /// The mesh has no proper surface.
     #[error(transparent)]
     Surface(#[from] SurfaceError),
@@ -150,6 +154,7 @@ impl Problem {
             | Problem::TooLarge { .. }
             | Problem::TipInside { .. }
             | Problem::Settle(_)
+            | Problem::Network(_)
             | Problem::Surface(_)
             | Problem::Model(_) => None,
         }
@@ -157,6 +162,17 @@ impl Problem {
 }
 
 /// A problem with its place in the scene's text.
+///
+/// ```
+/// use stickslip::scene::{Problem, Scene};
+///
+/// let scene = Scene::shipped("fig5-stick-slip").expect("shipped with the program");
+/// let inside = scene.text().replace("0.002]", "-0.002]"); // where the tip starts, under the block's top
+/// let error = Scene::parse(&inside, "inside.toml".as_ref())
+///     .and_then(|scene| stickslip::pipeline::Simulation::prepare(&scene))
+///     .expect_err("a tip that starts inside");
+/// assert!(matches!(error.problem(), Problem::TipInside { depth_m } if (depth_m - 0.002).abs() < 1e-15));
+/// ```
 #[derive(Debug)]
 pub struct SceneError {
     pub(super) detail: Box<Detail>,

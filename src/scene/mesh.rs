@@ -7,6 +7,19 @@ use crate::model::material::Bulk;
 use crate::model::mesh::{Block, Mesh};
 
 /// A block that is generated, or a mesh that has been read.
+///
+/// ```
+/// use stickslip::scene::Scene;
+///
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// let (mesh, spacing) = (scene.mesh.mesh(), scene.mesh.spacing());
+/// assert_eq!(scene.mesh.node_count(), mesh.nodes.len());
+/// assert!((mesh.nodes[1] - mesh.nodes[0] - stickslip::Vec3::x() * spacing).norm() < 1e-15);
+/// // Nodes stand for the whole block between them, 8 × 8 × 3 cells.
+/// let volumes = scene.mesh.node_volumes();
+/// assert!((volumes.iter().sum::<f64>() / (8.0 * 8.0 * 3.0 * spacing.powi(3)) - 1.0).abs() < 1e-14);
+/// assert_eq!(scene.mesh.bulk().node_volumes(), Ok(volumes));
+/// ```
 #[derive(Debug, Clone)]
 pub enum MeshSource {
     /// Generated.

@@ -12,7 +12,7 @@ use crate::contact::law::Law;
 use crate::contact::tick::Scheme;
 use crate::device::instrument::{PathError, TipPath, Waypoint};
 use crate::dynamics::integrators::{GlobalIntegrator, Stepper, Unconstrained};
-use crate::model::network::Network;
+use crate::model::network::{Network, NetworkError};
 use crate::model::step::LocalIntegrator;
 use crate::pipeline::{self, RunError, TickView};
 use crate::scene::{Scene, SceneError};
@@ -36,13 +36,13 @@ surface = "subdivision"
 [instrument]
 waypoints = [[0.0, -0.01, 0.0013, 1.0], [1.0, -0.01, 0.0013, 1.0]]
 "#;
-/// Divisors of the 1 ms tick that a line is laid through, and that of the reference. The reference's own error
-/// makes a first-order line steeper by 0.03.
-const DIVISORS: [u32; 4] = [1, 2, 4, 8];
-const REFERENCE: u32 = 128;
+/// Divisors of the 1 ms tick. A line is laid through what each run differs by from the next, C hᵖ(1 − 2⁻ᵖ), which has the
+/// slope of the errors themselves, and takes no reference of much shorter steps.
+const DIVISORS: [u32; 5] = [2, 4, 8, 16, 32];
+const DIFFERENCES: usize = DIVISORS.len() - 1;
 /// Free motions are those of a block that begins to sag, m/s².
 const GRAVITY: f64 = 9.81;
-/// Relative errors below are rounding.
+/// Relative differences below are rounding.
 const EXACT_BELOW: f64 = 1e-10;
 
 /// What the block does.
@@ -116,6 +116,9 @@ pub enum OrderError {
     /// The block.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// Its springs and masses.
+    #[error(transparent)]
+    Network(#[from] NetworkError),
     /// The tip's way.
     #[error(transparent)]
     Path(#[from] PathError),
@@ -133,10 +136,10 @@ pub struct ObservedOrder {
     pub scheme: Option<&'static str>,
     /// "sliding", "sticking", "sticking, undamped" or "none".
     pub law: &'static str,
-    /// Of the positions at the end in the step, by a least-squares line through the logarithms of four errors; none where
-    /// they are rounding alone.
+    /// Of the positions at the end in the step, by a least-squares line through the logarithms of what they change by where
+    /// the step is halved, four times; none where that is rounding alone.
     pub order: Option<f64>,
-    /// The largest distance of the logarithm of an error from that line.
+    /// The largest distance of the logarithm of a change from that line.
     pub residual: Option<f64>,
     /// Of a loose block in the same contact: see [`momentum_defect`]. None without a contact.
     pub momentum_defect: Option<f64>,
@@ -162,13 +165,15 @@ pub fn observe(case: Case) -> Result<ObservedOrder, OrderError> {
         Case::Local(integrator, scheme, motion) => local_positions(integrator, scheme, motion, divisor),
         Case::Global(integrator) => global_positions(integrator, divisor),
     };
-    let (start, reference) = at(REFERENCE)?;
-    let moved = distance(&reference, &start);
-    let mut errors = [0.0; DIVISORS.len()];
-    for (error, divisor) in errors.iter_mut().zip(DIVISORS) {
-        *error = distance(&at(divisor)?.1, &reference) / moved;
+    let (start, mut coarser) = at(DIVISORS[0])?;
+    let moved = distance(&coarser, &start);
+    let mut differences = [0.0; DIFFERENCES];
+    for (difference, &divisor) in differences.iter_mut().zip(&DIVISORS[1..]) {
+        let (_, finer) = at(divisor)?;
+        *difference = distance(&coarser, &finer) / moved;
+        coarser = finer;
     }
-    let line = (errors[0] > EXACT_BELOW).then(|| line(errors));
+    let line = (differences[0] > EXACT_BELOW).then(|| line(differences));
     let (order, residual) = line.unzip();
     let (integrator, scheme, law) = match case {
         Case::Local(integrator, scheme, motion) => {
@@ -214,9 +219,10 @@ pub fn momentum_defect(scene: &Scene) -> Result<f64, RunError> {
     Ok(defect / largest)
 }
 
-/// Slope of the least-squares line through the logarithms of errors at [`DIVISORS`], and the largest distance from it.
-fn line(errors: [f64; DIVISORS.len()]) -> (f64, f64) {
-    let points = DIVISORS.iter().zip(errors).map(|(divisor, error)| (-f64::from(*divisor).ln(), error.ln()));
+/// Slope of the least-squares line through the logarithms of differences from [`DIVISORS`] on, and the largest distance
+/// from it.
+fn line(differences: [f64; DIFFERENCES]) -> (f64, f64) {
+    let points = DIVISORS.iter().zip(differences).map(|(divisor, size)| (-f64::from(*divisor).ln(), size.ln()));
     let points: Vec<(f64, f64)> = points.collect();
     let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / points.len() as f64;
     let (x, y) = (mean(|point| point.0), mean(|point| point.1));
@@ -268,12 +274,13 @@ fn smooth_path() -> Result<TipPath, PathError> {
         let t = t.clamp(0.0, 1.0);
         t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
     };
+    let shortest = DIVISORS[DIFFERENCES];
     let at = |i: u32| {
-        let time = f64::from(i) * 1e-3 / f64::from(REFERENCE);
+        let time = f64::from(i) * 1e-3 / f64::from(shortest);
         let along = -0.01 + 0.004 * blend((time - 0.04) / 0.05);
         Waypoint { time, position: Vec3::new(along, 0.0013, -0.003 * blend(time / 0.08)) }
     };
-    TipPath::new((0..=100 * REFERENCE).map(at).collect())
+    TipPath::new((0..=100 * shortest).map(at).collect())
 }
 
 /// Positions at the start and at the end.
@@ -298,7 +305,7 @@ fn local_positions(
 
 fn global_positions(integrator: GlobalIntegrator, divisor: u32) -> Result<(Vec<Vec3>, Vec<Vec3>), OrderError> {
     let scene = scene(LocalIntegrator::SemiImplicitEuler, Scheme::Velocity, Motion::Free, divisor)?;
-    let network = Network::new(&scene.mesh.mesh(), &scene.material, scene.fixed.clone());
+    let network = Network::new(&scene.mesh.mesh(), &scene.material, scene.fixed.clone())?;
     let mut state = network.rest_state();
     let mut stepper = Stepper::new(&network);
     for _ in 0..scene.tick_count {

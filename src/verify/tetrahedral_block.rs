@@ -45,6 +45,19 @@ pub fn six_tetrahedra(_: bool) -> Vec<[[usize; 3]; 4]> {
 
 /// A block filled with tetrahedra, whose edges are its springs; nodes are moved at random by up to `jitter` spacings,
 /// on the boundary within it. It has no surface to be touched.
+///
+/// ```
+/// use stickslip::model::mesh::{Block, Stencil};
+/// use stickslip::verify::tetrahedral_block::{Split, five_tetrahedra, six_tetrahedra, tetrahedral_block};
+///
+/// let block = Block { nodes: [3; 3], spacing: 0.5, stencil: Stencil::Structural };
+/// for (split, count) in [(five_tetrahedra as Split, 5), (six_tetrahedra, 6)] {
+///     let mesh = tetrahedral_block(&block, split, 0.12);
+///     let volumes = mesh.tetrahedra.iter().map(|&corners| mesh.tetrahedron_volume(corners));
+///     assert_eq!(volumes.len(), 8 * count);
+///     assert!((volumes.sum::<f64>() - 1.0).abs() < 1e-14); // wherever the nodes inside have gone
+/// }
+/// ```
 pub fn tetrahedral_block(block: &Block, split: Split, jitter: f64) -> Mesh {
     let mut mesh = Mesh { edges: Vec::new(), triangles: Vec::new(), ..block.mesh() };
     let [nx, ny, _] = block.nodes;

@@ -274,3 +274,34 @@ def test_compare_exit_codes(files, tmp_path):
     wider = tmp_path / "wider.csv"
     wider.write_text("\n".join(line + ",0" for line in lines) + "\n")
     assert compare(files, tmp_path, trace=wider).returncode == 0
+
+
+def test_compare_goes_through_all_scenes_whatever_becomes_of_one(files, tmp_path):
+    def run(name, change=lambda text: text):
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / "network.json").write_bytes((files / "network.json").read_bytes())
+        (folder / "trace.csv").write_text(change((files / "trace.csv").read_text()))
+        scene = tmp_path / f"{name}.toml"
+        scene.write_bytes((files / "scene.toml").read_bytes())
+        return scene
+
+    def several(*scenes):
+        done = call("compare.py", *scenes, "--runs", tmp_path)
+        return done.returncode, done.stdout
+
+    absent, same = tmp_path / "absent.toml", run("same")
+    shorter = run("shorter", lambda text: text[: text.rstrip().rindex("\n") + 1])
+    crashes = run("crashes")
+    (tmp_path / "crashes" / "reference-differences.csv").mkdir()  # cannot be written
+    again = run("again")
+    assert several(same, again)[0] == 0
+    assert several(same, shorter, again)[0] == 1
+    status, text = several(absent, same, shorter, crashes, again)
+    assert status == 2 and "2 of 5 traces" in text
+    for scene, outcome in ((absent, "could not be compared"), (shorter, "differs"), (crashes, "could not be compared")):
+        assert f"{scene}: {outcome}" in text
+    for name, passes in (("same", True), ("shorter", False), ("again", True)):
+        assert json.loads((tmp_path / name / "reference-comparison.json").read_text())["pass"] == passes
+    assert call("compare.py", same, again).returncode == 2
+    assert call("compare.py", same, "--runs", tmp_path, "--out", tmp_path).returncode == 2

@@ -48,7 +48,7 @@ pub struct AccuracyArguments {
     /// What a global cycle may take, ms (default: as long as it lasts; never more)
     #[arg(long, value_name = "N", value_parser = positive)]
     cycle_ms: Option<f64>,
-    /// Also four rings, coarse far fields, 20 and 100 Hz and more contacts: minutes
+    /// Also four rings, coarse far fields, 20 and 100 Hz and more contacts: over a deep drag half an hour or more
     #[arg(long)]
     all: bool,
 }
@@ -211,9 +211,12 @@ impl AccuracyFile {
 }
 
 fn compare(scene: &Scene, grid: Grid, budget: Budget, patience: Duration) -> miette::Result<AccuracyFile> {
-    let orders: Vec<ObservedOrder> =
-        Case::all().into_par_iter().map(orders::observe).collect::<Result<_, _>>().into_diagnostic()?;
-    let (points, references) = measure(scene, &grid, budget, patience)?;
+    let (cases, runs) = (Case::all(), grid.methods.len() + grid.contacts.len());
+    let progress = Mutex::new(Progress::new((cases.len() + 2 * runs) as u64, "runs"));
+    with(&progress, |progress| progress.begin("orders"));
+    let observed = cases.into_par_iter().map(|case| orders::observe(case).inspect(|_| done(&progress)));
+    let orders: Vec<ObservedOrder> = observed.collect::<Result<_, _>>().into_diagnostic()?;
+    let (points, references) = measure(scene, &grid, budget, patience, &progress)?;
     Ok(AccuracyFile {
         scene: scene.name.clone(),
         version: env!("CARGO_PKG_VERSION"),
@@ -233,11 +236,10 @@ fn measure(
     grid: &Grid,
     budget: Budget,
     patience: Duration,
+    progress: &Mutex<Progress>,
 ) -> Result<(Vec<Point>, Vec<ReferenceEntry>), SceneError> {
-    let runs = (grid.methods.len() + grid.contacts.len()) as u64;
-    let progress = Mutex::new(Progress::new(2 * runs * scene.tick_count, "ticks"));
-    let begin = |name: &str| with(&progress, |progress| progress.begin(name));
-    let done = || with(&progress, |progress| progress.end(scene.tick_count));
+    let begin = |name: &str| with(progress, |progress| progress.begin(name));
+    let done = || done(progress);
 
     begin("references");
     let references: Vec<Reference> = grid
@@ -316,6 +318,11 @@ fn with(progress: &Mutex<Progress>, change: impl FnOnce(&mut Progress)) {
     if let Ok(mut progress) = progress.lock() {
         change(&mut progress);
     }
+}
+
+/// One run of those that are counted.
+fn done(progress: &Mutex<Progress>) {
+    with(progress, |progress| progress.end(1));
 }
 
 fn entry(reference: Reference, cost: Cost) -> ReferenceEntry {

@@ -114,6 +114,15 @@ fn mode_agreement(a: &[Felt], b: &[Felt]) -> f64 {
 }
 
 /// What came of a method.
+///
+/// ```
+/// use stickslip::verify::accuracy::Status;
+///
+/// let written = serde_json::to_value([Status::Ok, Status::Unresolved, Status::Overrun, Status::Diverged])?;
+/// assert_eq!(written, serde_json::json!(["ok", "unresolved", "overrun", "diverged"]));
+/// assert_eq!(written[1], Status::Unresolved.name());
+/// # Ok::<(), serde_json::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Status {

@@ -15,6 +15,16 @@ use crate::model::step::LocalIntegrator;
 use crate::scene::Scene;
 
 /// How the tip meets the mesh.
+///
+/// ```
+/// use stickslip::contact::{surface::ContactSurface, tick::Scheme};
+/// use stickslip::verify::accuracy::Touching;
+///
+/// // An impulse acts through the masses and leaves no choice of deformation or metric.
+/// let names = Touching { surface: ContactSurface::Subdivision, scheme: Scheme::Velocity }.names();
+/// assert_eq!((names.surface, names.scheme), ("subdivision", "velocity"));
+/// assert_eq!((names.deformation, names.metric), (None, None));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Touching {
     /// What it feels.

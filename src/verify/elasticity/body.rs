@@ -72,7 +72,7 @@ impl Body {
             gravity: Vec3::zeros(),
         };
         let length = mesh.nodes.iter().map(|x| -x.z).fold(0.0, f64::max);
-        Ok(Self { network: Network::new(mesh, &material, vec![false; mesh.nodes.len()]), length })
+        Ok(Self { network: Network::new(mesh, &material, vec![false; mesh.nodes.len()])?, length })
     }
 
     pub(super) fn node_count(&self) -> usize {

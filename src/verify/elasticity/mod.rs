@@ -13,6 +13,7 @@ use self::body::Body;
 use crate::Vec3;
 use crate::mesh_file::MeshFileError;
 use crate::model::material::{Identification, MaterialError, POISSON_RATIO};
+use crate::model::network::NetworkError;
 
 /// E, Pa; displacements are linear in everything, so that its value does not matter.
 const YOUNG_MODULUS: f64 = 5e3;
@@ -29,6 +30,22 @@ const FORCE: f64 = 1.0;
 const READ: [f64; 2] = [0.25, 0.5];
 
 /// How a block is filled.
+///
+/// ```
+/// use stickslip::model::material::Identification;
+/// use stickslip::verify::elasticity::{Filling, Quantity, measure, table};
+///
+/// // Springs of a lattice are exact where the strain is the same everywhere. Those of tetrahedra have a choice.
+/// let exact = measure(Quantity::YoungModulus, Filling::Shear, Identification::default(), 2)?;
+/// assert!(exact.relative_error.abs() < 1e-12 && exact.identification.is_none());
+/// assert_eq!(Filling::ALL.map(|filling| filling.identifications().len()), [1, 1, 2, 2, 2, 2, 2]);
+/// assert!(Filling::Gmsh.is_made_with(8) && !Filling::Gmsh.is_made_with(2));
+/// let table = table(&[2])?;
+/// assert_eq!(table.len(), (1 + 1 + 2 + 2 + 2 + 2) * Quantity::ALL.len());
+/// let is_of = |filling: Filling| table.iter().filter(|row| row.filling == filling.name()).count();
+/// assert_eq!(is_of(Filling::Full), Quantity::ALL.len());
+/// # Ok::<(), stickslip::verify::elasticity::ElasticityError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Filling {
@@ -175,6 +192,9 @@ pub enum ElasticityError {
     /// Springs or masses cannot be had.
     #[error(transparent)]
     Material(#[from] MaterialError),
+    /// They do not fit the block.
+    #[error(transparent)]
+    Network(#[from] NetworkError),
     /// The network can move without a force.
     #[error("the network has no stable equilibrium under this load")]
     Unstable,

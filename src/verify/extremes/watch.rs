@@ -1,0 +1,145 @@
+//! What is measured of the run of an extreme.
+
+use std::ops::Range;
+
+use super::{Quantity, TUNNELLED_M};
+use crate::Vec3;
+use crate::contact::law::{Law, Mode};
+use crate::contact::operators::Support;
+use crate::contact::subdivision::LARGEST_SUPPORT;
+use crate::contact::tick::Scheme;
+use crate::model::condensation::CondensationCounts;
+use crate::model::mesh::Mesh;
+use crate::pipeline::TickView;
+use crate::scene::Scene;
+
+/// What is kept of a run.
+pub(super) struct Watch {
+    scheme: Scheme,
+    friction: Option<f64>,
+    gravity: Vec3,
+    rest: Vec<Vec3>,
+    forces: Vec<Vec3>,
+    pub(super) tunnelling_ticks: u64,
+    beyond_coulomb_n: f64,
+    balance: f64,
+    energy_book: f64,
+    /// Least and largest energy since the tip left.
+    free_energy: Range<f64>,
+    /// Of each node, from its rest place, m.
+    moved: Vec<f64>,
+    remains: f64,
+    condensation: Option<CondensationCounts>,
+    last_tick: u64,
+}
+
+impl Watch {
+    pub(super) fn new(scene: &Scene, mesh: &Mesh) -> Self {
+        Self {
+            scheme: scene.contact.scheme,
+            friction: match scene.contact.law {
+                Law::StickSlip { friction } => Some(friction),
+                Law::Sliding | Law::Sticking => None,
+            },
+            gravity: scene.material.gravity,
+            rest: mesh.nodes.clone(),
+            forces: Vec::new(),
+            tunnelling_ticks: 0,
+            beyond_coulomb_n: 0.0,
+            balance: f64::NAN,
+            energy_book: f64::NAN,
+            free_energy: f64::INFINITY..f64::NEG_INFINITY,
+            moved: vec![0.0; mesh.nodes.len()],
+            remains: f64::NAN,
+            condensation: None,
+            last_tick: scene.tick_count - 1,
+        }
+    }
+
+    pub(super) fn see(&mut self, view: &TickView) {
+        let (local, report) = (view.local, view.report);
+        self.forces.push(view.force);
+        let unfelt = report.mode == Mode::Free && local.contact().is_none();
+        self.tunnelling_ticks += u64::from(unfelt && !(local.shape().signed_distance(view.tip) >= -TUNNELLED_M));
+        if let (Some(friction), false) = (self.friction, report.rigid) {
+            let beyond = report.tangential_force() - friction * report.normal_force;
+            self.beyond_coulomb_n = larger(self.beyond_coulomb_n, beyond);
+        }
+
+        let (patch, state) = (&local.model().patch, local.state());
+        let mut furthest = 0.0;
+        for (slot, x) in state.x.iter().enumerate() {
+            let node = patch.node(slot) as usize;
+            let moved = (x - self.rest[node]).norm();
+            furthest = larger(furthest, moved);
+            self.moved[node] = larger(self.moved[node], moved);
+        }
+        if report.mode == Mode::Free && view.tick > 0 && view.energy.absolute_work > 0.0 {
+            let energy = view.energy.kinetic + view.energy.elastic + view.energy.gravitational;
+            self.free_energy = self.free_energy.start.min(energy)..larger(self.free_energy.end, energy);
+        }
+        self.condensation = view.condensation;
+        if view.tick == self.last_tick {
+            self.remains = furthest;
+            self.balance = self.out_of_balance(view);
+            self.energy_book = view.energy.residual().abs() / view.energy.absolute_work;
+        }
+    }
+
+    /// |instrument + ground − weight| over the largest of the three.
+    fn out_of_balance(&self, view: &TickView) -> f64 {
+        let (model, state) = (view.local.model(), view.local.state());
+        let mut f = vec![Vec3::zeros(); state.x.len()];
+        model.patch.springs.add_forces(&state.x, &state.v, &mut f);
+        let ground: Vec3 = f[model.patch.len()..].iter().sum();
+        let weight = self.gravity * model.patch.mass.iter().sum::<f64>();
+        let mut support = Support::with_capacity(LARGEST_SUPPORT);
+        if let (Some(contact), false) = (view.local.contact(), view.report.rigid) {
+            view.local.shape().touch(self.scheme.metric(), &contact.point, &mut support);
+        }
+        // What fixed nodes carry of the contact point goes into the ground directly.
+        let instrument = view.force * support.free_weight();
+        let largest = [instrument, ground, weight].iter().map(Vec3::norm).fold(0.0, larger);
+        (instrument + ground - weight).norm() / largest
+    }
+
+    pub(super) fn compare(&self, quantity: &Quantity, twin: &Watch) -> f64 {
+        let last = |watch: &Watch| watch.forces.last().copied().unwrap_or_else(|| Vec3::repeat(f64::NAN));
+        match quantity {
+            Quantity::SameAs(_, factor) if self.forces.len() == twin.forces.len() => {
+                let pairs = self.forces.iter().zip(&twin.forces);
+                let difference = pairs.map(|(a, b)| (a - b * *factor).norm()).fold(0.0, larger);
+                difference / twin.forces.iter().map(|b| (b * *factor).norm()).fold(0.0, larger)
+            }
+            Quantity::EndsAs(_) => (last(self) - last(twin)).norm() / last(twin).norm(),
+            _ => f64::NAN,
+        }
+    }
+
+    pub(super) fn value(&self, quantity: &Quantity) -> f64 {
+        match quantity {
+            Quantity::Balance => self.balance,
+            Quantity::Coulomb => self.beyond_coulomb_n,
+            Quantity::EnergyBook => self.energy_book,
+            Quantity::EnergyKept => (self.free_energy.end - self.free_energy.start) / self.free_energy.end,
+            Quantity::Moved(which) => {
+                let nodes = (0..).zip(&self.moved).filter(|&(node, _)| which(node));
+                nodes.map(|(_, &moved)| moved).fold(0.0, larger)
+            }
+            Quantity::Remains => self.remains,
+            Quantity::Force => self.forces.iter().map(Vec3::norm).fold(0.0, larger),
+            Quantity::Ends(force_n) => {
+                self.forces.last().map_or(f64::NAN, |force| (force.norm() / force_n - 1.0).abs())
+            }
+            Quantity::FellBack => {
+                self.condensation.map_or(0.0, |counts| counts.stabilised as f64 / counts.models as f64)
+            }
+            Quantity::SameAs(..) | Quantity::EndsAs(_) => f64::NAN,
+        }
+    }
+}
+
+/// The larger of two numbers; NaN stays.
+fn larger(a: f64, b: f64) -> f64 {
+    if b <= a { a } else { b }
+}
