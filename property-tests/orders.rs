@@ -28,7 +28,7 @@ fn expected(case: Case) -> Option<f64> {
 
 #[test]
 fn every_integrator_has_its_order() {
-    // Steps of 1/2 to 1/32 ms, not the limit. Measured: 0.06.
+    // Steps of 1/2 to 1/32 ms, not the limit. Measured: 0.07.
     let worst = Worst::new("convergence", "observed order of positions - expected", 0.1);
     // Round-off of sums over 75 nodes with A⁻¹ in between. Measured: 2e-14.
     let momentum =
