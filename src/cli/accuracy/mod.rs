@@ -48,7 +48,7 @@ pub struct AccuracyArguments {
     /// What a global cycle may take, ms (default: as long as it lasts; never more)
     #[arg(long, value_name = "N", value_parser = positive)]
     cycle_ms: Option<f64>,
-    /// Also four rings, coarse far fields, 20 and 100 Hz and more contacts: over a deep drag half an hour or more
+    /// Also four rings, coarse far fields, 20 and 100 Hz and more contacts: many minutes over a deep drag
     #[arg(long)]
     all: bool,
 }
