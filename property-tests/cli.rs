@@ -126,6 +126,19 @@ fn a_fault_ends_with_code_1_and_keeps_the_rows_before_it() {
 }
 
 #[test]
+fn a_run_that_makes_energy_is_warned_of() {
+    let folder = Folder::new("shaken");
+    let mesh = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/meshes/bar-8.msh");
+    let scene = include_str!("../fixtures/meshes/bar-8.toml").replace("bar-8.msh", mesh);
+    for (rate, is_warned_of) in [("rate = 10", true), ("rate = 50", false)] {
+        let output = run(&folder.write("bar.toml", &scene.replace("rate = 10", rate)), &folder.path("out"));
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert_eq!(said.contains("`global.rate`"), is_warned_of, "{said}");
+    }
+}
+
+#[test]
 fn an_output_folder_that_cannot_be_is_named() {
     let folder = Folder::new("blocked");
     let file = folder.write("file", "");

@@ -23,6 +23,10 @@ const FRAME_TICKS: &str = "20";
 const RUNAWAY_ADVICE: &str = "if `stickslip explain` shows steps within their limits, springs that are pushed together \
     may be what grows: give `local.tangent = \"stabilised\"`, `local.linearization = \"none\"` or a higher `global.rate`";
 
+/// Where no fault says that something is wrong.
+const ENERGY_ADVICE: &str = "which says that the local model and the network shake each other, or that contact is lost and \
+    found: compare with a higher `global.rate`, and with `local.tangent = \"stabilised\"`";
+
 #[derive(Debug, Args)]
 pub struct RunArguments {
     /// A scene file or the name of a shipped scene
@@ -67,6 +71,14 @@ pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
     }
     if let Some(counts) = &finished.summary.condensation {
         say(counts)?;
+    }
+    let energy = &finished.summary.energy;
+    if finished.fault.is_none() && !energy.is_plausible() {
+        say(format_args!(
+            "Warning: {:.3} J are missing in the book of energy, or too many, where the tip did {:.3} J of work, {ENERGY_ADVICE}",
+            energy.residual_j.abs(),
+            energy.absolute_work_j
+        ))?;
     }
     if let Some(fault) = &finished.fault {
         eprintln!("{fault}");
