@@ -34,14 +34,14 @@ def main():
 
 
 def compare_all(scenes, runs):
-    """As many at a time as there are cores, told in the order of `scenes`. What becomes of one changes nothing for others."""
+    """As many at a time as there are cores, told in the order of `scenes`. An error in one changes nothing for others."""
     statuses = []
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         attempts = [(path, pool.submit(attempt, path, runs / path.stem)) for path in scenes]
         for path, made in attempts:
             try:
                 status, text = made.result()
-            except Exception as error:  # its process has died
+            except Exception as error:  # a process was killed, and with it all that were left
                 status, text = 2, f"compare.py: {error}"
             statuses.append(status)
             print(f"{path}\n{text}\n", flush=True)

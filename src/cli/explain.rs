@@ -230,7 +230,9 @@ fn warnings(scene: &Scene, simulation: &Simulation, local: &Step, global: Option
     }
     if scene.global.threads == Threads::Two && simulation.network().springs.halves().is_none() {
         let springs = simulation.network().springs.len();
-        warnings.push(format!("`global.threads = 2` does nothing: {springs} springs are too few to share"));
+        warnings.push(format!(
+            "`global.threads = 2` does nothing: {springs} springs are too few to share, or most go across any cut"
+        ));
     }
     let turn = local.step_s * local.omega_max_rad_s;
     if scene.integrator == LocalIntegrator::Exponential && turn > std::f64::consts::PI {

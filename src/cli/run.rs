@@ -24,8 +24,8 @@ const RUNAWAY_ADVICE: &str = "if `stickslip explain` shows steps within their li
     may be what grows: give `local.tangent = \"stabilised\"`, `local.linearization = \"none\"` or a higher `global.rate`";
 
 /// Where no fault says that something is wrong.
-const ENERGY_ADVICE: &str = "which says that the local model and the network shake each other, or that contact is lost and \
-    found: compare with a higher `global.rate`, and with `local.tangent = \"stabilised\"`";
+const ENERGY_ADVICE: &str = "the local model and the network may shake each other, or contact be lost and found; compare \
+    with a higher `global.rate` and with `local.tangent = \"stabilised\"`";
 
 #[derive(Debug, Args)]
 pub struct RunArguments {
@@ -74,11 +74,11 @@ pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
     }
     let energy = &finished.summary.energy;
     if finished.fault.is_none() && !energy.is_plausible() {
-        say(format_args!(
-            "Warning: {:.3} J are missing in the book of energy, or too many, where the tip did {:.3} J of work, {ENERGY_ADVICE}",
+        eprintln!(
+            "warning: the energy balance is off by {:.1e} J, more than the instrument's Σ|f·Δq| of {:.1e} J: {ENERGY_ADVICE}",
             energy.residual_j.abs(),
             energy.absolute_work_j
-        ))?;
+        );
     }
     if let Some(fault) = &finished.fault {
         eprintln!("{fault}");

@@ -80,13 +80,12 @@ impl Worker {
     fn finish(&mut self, network: &Network, h: f64, nodes: Range<usize>, constraint: &impl Constraint) {
         let arch = Arch::new();
         self.columns.accelerate(arch, network, nodes.clone());
-        for &node in constraint.nodes(0.0) {
-            self.accelerations[node as usize] = self.columns.force(node as usize);
-        }
+        // What another thread moves has no acceleration here, and must not be left one.
+        let constrained =
+            || constraint.nodes(0.0).iter().map(|&node| node as usize).filter(|node| nodes.contains(node));
+        constrained().for_each(|node| self.accelerations[node] = self.columns.force(node));
         constraint.accelerations(&mut self.accelerations);
-        for &node in constraint.nodes(0.0) {
-            self.columns.set_force(node as usize, &self.accelerations[node as usize]);
-        }
+        constrained().for_each(|node| self.columns.set_force(node, &self.accelerations[node]));
         self.columns.advance(arch, h, nodes.clone());
         self.impose(1.0, constraint);
         self.columns.snap_to_rest(arch, nodes);
@@ -118,7 +117,7 @@ pub(super) fn run_by_two<C: Constraint>(
 ) -> bool {
     let Halves { split, reach } = halves.clone();
     let (below, above) = (reach.start..split, split..reach.end);
-    let (up, down) = (Line::default(), Line::default());
+    let (up, down) = (Channel::default(), Channel::default());
     let lower =
         Half { part: Part::Lower, own: 0..split, seen: below.clone(), foreign: above.clone(), to: &up, from: &down };
     let own = split..network.node_count();
@@ -149,13 +148,13 @@ struct Half<'a> {
     /// Those of them that the seam's springs end on, and those of the other half.
     seen: Range<usize>,
     foreign: Range<usize>,
-    to: &'a Line,
-    from: &'a Line,
+    to: &'a Channel,
+    from: &'a Channel,
 }
 
 /// Messages one way, one per step, of positions and velocities of some nodes.
 #[derive(Default)]
-struct Line {
+struct Channel {
     /// Messages so far.
     sent: AtomicU64,
     /// The last two, in turns. A thread sends its next message only after the other one's last has arrived, which the
@@ -166,7 +165,7 @@ struct Line {
 /// Looks at a counter that often before the processor is offered to other threads.
 const SPINS: u32 = 500;
 
-impl Line {
+impl Channel {
     fn send(&self, step: u32, columns: &Columns, nodes: Range<usize>) {
         if let Ok(mut message) = self.messages[step as usize % 2].lock() {
             columns.copy_to(nodes, &mut message);
@@ -190,10 +189,34 @@ impl Line {
     }
 }
 
-struct HangUp<'a>(&'a Line);
+struct HangUp<'a>(&'a Channel);
 
 impl Drop for HangUp<'_> {
     fn drop(&mut self) {
         self.0.sent.store(u64::MAX, Ordering::Release);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dynamics::integrators::{Threads, Unconstrained};
+    use crate::model::mesh::{Block, Stencil};
+    use crate::model::springs::Spring;
+
+    /// Without it, one thread would do what two are asked for, and nothing would show but the time.
+    #[test]
+    fn two_threads_are_had() {
+        let mesh = Block { nodes: [11, 10, 9], spacing: 0.0125, stencil: Stencil::Full }.mesh();
+        let spring = |&nodes: &[u32; 2]| Spring { nodes, stiffness: 100.0, damping: 0.5, rest_length: 0.0125 };
+        let springs: Vec<Spring> = mesh.edges.iter().map(spring).collect();
+        let count = mesh.nodes.len();
+        let network = Network::from_parts(mesh.nodes, vec![0.01; count], vec![false; count], &springs, vec![]);
+        let halves = network.springs.halves().expect("more than 8,192 springs");
+        let (mut one, mut two, mut state) = (Worker::new(&network), Worker::new(&network), network.rest_state());
+        let steps = Steps { length: 1e-4, count: 3, threads: Threads::Two };
+        assert!(run_by_two([&mut one, &mut two], &network, halves, &mut state, steps, |_| Unconstrained));
+        let (lower, upper) = state.v.split_at(halves.split);
+        assert!([lower, upper].iter().all(|half| half.iter().any(|v| v.norm() > 0.0)), "both have moved");
     }
 }

@@ -215,6 +215,10 @@ impl Constraint for Replayed<'_> {
         self.trajectory.segment(self.time(ahead).1).map_or(&[], |segment| &segment.nodes)
     }
 
+    fn acts_node_by_node(&self) -> bool {
+        true
+    }
+
     // What accelerations do to patch nodes is overwritten.
     fn accelerations(&self, _: &mut [Vec3]) {}
 

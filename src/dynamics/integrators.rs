@@ -93,6 +93,11 @@ pub trait Constraint {
     /// Makes a state respect it, at a fraction `ahead` of the step that is being done: 0 as the step
     /// begins, 1 as it ends.
     fn state(&self, ahead: f64, state: &mut State);
+    /// Whether it does with each node what it does, whatever the others do. Two threads share a network under such
+    /// constraints only: each sees the nodes of its own half.
+    fn acts_node_by_node(&self) -> bool {
+        false
+    }
     /// The contact point that [`accelerations`](Self::accelerations) holds by its P; without one,
     /// [`state`](Self::state) puts its nodes where it wants them.
     fn held(&self) -> Option<&Support> {
@@ -110,6 +115,9 @@ impl<C: Constraint> Constraint for &C {
     fn state(&self, ahead: f64, state: &mut State) {
         (**self).state(ahead, state);
     }
+    fn acts_node_by_node(&self) -> bool {
+        (**self).acts_node_by_node()
+    }
     fn held(&self) -> Option<&Support> {
         (**self).held()
     }
@@ -122,6 +130,9 @@ pub struct Unconstrained;
 impl Constraint for Unconstrained {
     fn nodes(&self, _: f64) -> &[u32] {
         &[]
+    }
+    fn acts_node_by_node(&self) -> bool {
+        true
     }
     fn accelerations(&self, _: &mut [Vec3]) {}
     fn state(&self, _: f64, _: &mut State) {}
@@ -143,8 +154,9 @@ pub struct Steps {
 pub enum Threads {
     /// The one that calls.
     One,
-    /// That and another, each with half of the nodes. Only semi-implicit Euler of a network that has
-    /// [`halves`](crate::model::springs::Springs::halves), and no contact point that is held across them: else one.
+    /// That and another. Only semi-implicit Euler of a network that has
+    /// [`halves`](crate::model::springs::Springs::halves), under constraints that
+    /// [act node by node](Constraint::acts_node_by_node): else one.
     Two,
 }
 
@@ -272,7 +284,7 @@ impl Stepper {
         constraint: impl Fn(u32) -> C + Sync,
     ) {
         if let Some(halves) = network.springs.halves()
-            && (0..steps.count).all(|step| constraint(step).held().is_none())
+            && (0..steps.count).all(|step| constraint(step).acts_node_by_node())
         {
             let second = self.second.get_or_insert_with(|| Box::new(Worker::new(network)));
             if run_by_two([&mut self.worker, second], network, halves, state, steps, &constraint) {

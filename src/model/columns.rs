@@ -13,8 +13,8 @@ const LINE: usize = 8;
 /// Nine columns (x, v, f along three axes) of one number per node, in one piece of memory.
 ///
 /// Four nodes side by side are four numbers side by side, which is what vector instructions load. Every column begins at
-/// another set of the cache: with a power of two of nodes they would otherwise drive each other out of it, which costs
-/// up to twice the time.
+/// another set of the cache: with a power of two of nodes they would otherwise drive each other out of it, which made a
+/// sweep take two and a half times as long.
 ///
 /// ```
 /// use stickslip::{Vec3, model::{columns::Columns, network::State}};
@@ -96,13 +96,13 @@ impl Columns {
         self.put(1, node, v);
     }
 
-    /// What stands in the last three columns: a force, N, or after [`accelerate`](Self::accelerate) an acceleration, m/s².
-    pub fn force(&self, node: usize) -> Vec3 {
+    /// What stands in the last three columns: a force, N, or an acceleration, m/s², after `accelerate`.
+    pub(crate) fn force(&self, node: usize) -> Vec3 {
         self.at(2, node)
     }
 
     /// Sets it.
-    pub fn set_force(&mut self, node: usize, f: &Vec3) {
+    pub(crate) fn set_force(&mut self, node: usize, f: &Vec3) {
         self.put(2, node, f);
     }
 
@@ -113,7 +113,7 @@ impl Columns {
         columns.for_each(|column| message.extend_from_slice(&column[nodes.clone()]));
     }
 
-    /// The same back. A message about other nodes is not taken.
+    /// The same back. A message of another length is not taken.
     pub(crate) fn copy_from(&mut self, nodes: Range<usize>, message: &[f64]) {
         if nodes.is_empty() || message.len() != 6 * nodes.len() {
             return;

@@ -70,7 +70,8 @@ impl Part {
     pub const ALL: [Part; PARTS] = [Part::Lower, Part::Upper, Part::Seam];
 }
 
-/// A cut through a large network: nodes below and from `split` on, each with about half of the springs.
+/// A cut through a large network: the springs among the nodes below `split` and those among the others are about as many,
+/// and those that go across fewer than half.
 ///
 /// It is there whether or not two threads use it, and sums follow it, so that the bits of a result do not
 /// depend on threads.
@@ -148,6 +149,28 @@ pub enum TangentKind {
     Stabilised,
 }
 
+/// Where to cut so that both sides have equally many springs; nowhere if there are too few, or if most would go across,
+/// which both threads sweep.
+fn cut(springs: &[Spring], node_count: usize) -> Option<usize> {
+    if springs.len() < LEAST_SPLIT {
+        return None;
+    }
+    // Springs whose lower node, and whose upper node, is each node.
+    let mut ends = vec![[0_usize; 2]; node_count];
+    for spring in springs {
+        (0..2).for_each(|end| ends[spring.nodes[end] as usize][end] += 1);
+    }
+    let (mut below, mut above) = (0, springs.len());
+    for (block, ends) in ends.chunks(LANES).enumerate() {
+        if below >= above {
+            return (springs.len() < 2 * (below + above)).then_some(block * LANES);
+        }
+        below += ends.iter().map(|[_, upper]| upper).sum::<usize>();
+        above -= ends.iter().map(|[lower, _]| lower).sum::<usize>();
+    }
+    None
+}
+
 impl Springs {
     /// Lays out springs over nodes `0..node_count`.
     pub fn new(node_count: usize, springs: &[Spring]) -> Self {
@@ -160,9 +183,8 @@ impl Springs {
             .collect();
         all.sort_by_key(|spring| spring.nodes);
         let damped = all.iter().any(|spring| spring.damping != 0.0);
-        let split =
-            if all.len() < LEAST_SPLIT { None } else { Some(all[all.len() / 2].nodes[0] as usize / LANES * LANES) };
-        let mut layout = Self { damped, halves: split.map(Halves::at), ..Self::default() };
+        let halves = cut(&all, node_count).map(Halves::at);
+        let mut layout = Self { damped, halves, ..Self::default() };
         for block in all.chunk_by(|a, b| a.nodes[0] as usize / LANES == b.nodes[0] as usize / LANES) {
             layout.add_block(block, node_count);
         }
@@ -361,7 +383,8 @@ mod tests {
         };
         assert!(springs.sections[0].packets.len() > 100 && !springs.sections[0].quartets.is_empty());
         assert!(
-            springs.halves().is_some() == (nodes[0] == 11) && springs.sections[2].packets.is_empty() == (nodes[0] < 11)
+            springs.halves().is_some() == (nodes[0] == 11)
+                && springs.sections[Part::Seam as usize].packets.is_empty() == (nodes[0] < 11)
         );
         let best = Arch::new();
         let rows = forces(best);

@@ -342,7 +342,8 @@ fn compute_part(
     match (replayed, window.lost_notes) {
         (true, _) => passed.push("recorded passes, done again, command the same forces to the bit".to_owned()),
         (false, 0) => failed.push("a recorded pass, done again, commands other forces".to_owned()),
-        // Models came from a path with gaps, and come from the whole one when it is done again.
+        // Models may have come from a path with gaps, and come from the whole one when it is done again. Which pass lost
+        // them is not known.
         (false, lost) => open.push(format!(
             "a recorded pass, done again, commands other forces, which may come of {lost} notes lost to a full ring: \
              the global side was late by cycles and built models from a path with gaps"

@@ -69,7 +69,7 @@ pub const KEYS: &[(&str, &str)] = &[
     ("global.substeps", "a whole number of at least 1: equal steps per cycle (default 100)"),
     (
         "global.threads",
-        "1 (default) or 2, which share a network of at least 8,192 springs and change no bit of a result; with `integrator = \"semi-implicit-euler\"` and `sync.mode = \"replay\"`",
+        "1 (default) or 2, which share a network of at least 8,192 springs and change no bit of a result; with `integrator = \"semi-implicit-euler\"` and `sync.mode = \"replay\"`; beside `run.schedule = \"threads\"` a third processor is wanted",
     ),
     (
         "local",

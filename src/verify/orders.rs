@@ -173,7 +173,8 @@ pub fn observe(case: Case) -> Result<ObservedOrder, OrderError> {
         *difference = distance(&coarser, &finer) / moved;
         coarser = finer;
     }
-    let line = (differences[0] > EXACT_BELOW).then(|| line(differences));
+    // Written so that NaN is no exact result: its order is NaN, which is near none.
+    let line = (!(differences[0] <= EXACT_BELOW)).then(|| line(differences));
     let (order, residual) = line.unzip();
     let (integrator, scheme, law) = match case {
         Case::Local(integrator, scheme, motion) => {

@@ -194,7 +194,7 @@ impl Body {
             .filter(|(_, (x, _, last))| last[2] && (READ[0]..=READ[1]).contains(&(x.norm() / SIZE)));
         let (count, sum) =
             read.fold((0.0, 0.0), |(count, sum), (u, (x, ..))| (count + 1.0, sum - u.z * x.norm() / FORCE));
-        Ok(sum / count)
+        if count > 0.0 { Ok(sum / count) } else { Err(ElasticityError::NothingToRead) }
     }
 }
 

@@ -195,6 +195,9 @@ pub enum ElasticityError {
     /// They do not fit the block.
     #[error(transparent)]
     Network(#[from] NetworkError),
+    /// No node lies where the indentation is read: too few cells.
+    #[error("no node lies where the indentation is read; give more cells")]
+    NothingToRead,
     /// The network can move without a force.
     #[error("the network has no stable equilibrium under this load")]
     Unstable,
