@@ -40,10 +40,12 @@ const READ: [f64; 2] = [0.25, 0.5];
 /// assert!(exact.relative_error.abs() < 1e-12 && exact.identification.is_none());
 /// assert_eq!(Filling::ALL.map(|filling| filling.identifications().len()), [1, 1, 2, 2, 2, 2, 2]);
 /// assert!(Filling::Gmsh.is_made_with(8) && !Filling::Gmsh.is_made_with(2));
-/// let table = table(&[2])?;
-/// assert_eq!(table.len(), (1 + 1 + 2 + 2 + 2 + 2) * Quantity::ALL.len());
+/// let table = table(&[4])?;
+/// assert_eq!(table.len(), (1 + 1 + 5 * 2) * Quantity::ALL.len());
 /// let is_of = |filling: Filling| table.iter().filter(|row| row.filling == filling.name()).count();
 /// assert_eq!(is_of(Filling::Full), Quantity::ALL.len());
+/// // Between a quarter and half of one cell there is no node beside the point load.
+/// assert!(measure(Quantity::Indentation, Filling::Shear, Identification::default(), 1).is_err());
 /// # Ok::<(), stickslip::verify::elasticity::ElasticityError>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
