@@ -8,6 +8,7 @@ use stickslip::device::coupling::{
 };
 use stickslip::device::instrument::{TipPath, Waypoint};
 use stickslip::device::phantom::{Phantom, PhantomSettings};
+use stickslip::verify::residual::{larger, largest};
 
 use crate::check::{Worst, runner};
 
@@ -41,7 +42,7 @@ fn press_into_wall(late: usize, stiffness: f64, mut controller: Option<Passivity
         let tip = phantom.advance(f64::from(tick) * TICK).expect("within the workspace");
         let moved = tip - before;
         given += applied.dot(&moved);
-        most = most.max(given);
+        most = larger(most, given);
         heights.rotate_left(1);
         heights[late] = tip.z;
         let mut force = Vec3::z() * (-stiffness * heights[0]).max(0.0);
@@ -188,7 +189,7 @@ fn couplings_are_refused_from_where_their_step_is_unstable() {
         let radius = |mass: f64| {
             let (by_x, by_v) = (-TICK * k / mass, 1.0 - TICK * b / mass);
             let step = Matrix2::new(1.0 + TICK * by_x, TICK * by_v, by_x, by_v);
-            step.complex_eigenvalues().iter().map(|value| value.norm()).fold(0.0, f64::max)
+            largest(step.complex_eigenvalues().iter().map(|value| value.norm()))
         };
         prop_assert!(settings.check(TICK).is_ok() && radius(mass) <= 1.0 + 1e-9);
         let light = CouplingSettings { mass: 0.99 * least, ..settings };
@@ -199,7 +200,7 @@ fn couplings_are_refused_from_where_their_step_is_unstable() {
         coupling.advance(&Vec3::zeros(), &(Vec3::x() * (mass / TICK)));
         let mut farthest = 0.0_f64;
         for _ in 0..2000 {
-            farthest = farthest.max(coupling.advance(&Vec3::zeros(), &Vec3::zeros()).norm());
+            farthest = larger(farthest, coupling.advance(&Vec3::zeros(), &Vec3::zeros()).norm());
         }
         prop_assert!(farthest <= 100.0 * (TICK + (mass / k).sqrt()), "{}", farthest);
         Ok(())

@@ -7,6 +7,7 @@ use stickslip::model::network::{ExternalForce, Network};
 use stickslip::model::springs::{Spring, TangentKind};
 use stickslip::pipeline::{self, Simulation};
 use stickslip::scene::{Problem, Scene};
+use stickslip::verify::residual::larger;
 
 use crate::check::{Worst, scene};
 
@@ -116,7 +117,7 @@ fn fastest(scene: &Scene) -> f64 {
     let mut fastest = 0.0_f64;
     let end = pipeline::run(scene, |view| {
         let speeds = view.local.state().v.iter().map(Vec3::norm);
-        fastest = speeds.fold(fastest, |a, b| if b <= a { a } else { b });
+        fastest = speeds.fold(fastest, larger);
     });
     end.unwrap_or_else(|error| panic!("{error}"));
     fastest

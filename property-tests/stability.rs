@@ -8,6 +8,7 @@ use stickslip::dynamics::stability::explicit_step_limit;
 use stickslip::model::mesh::{Block, Stencil};
 use stickslip::model::network::{ExternalForce, Material, Network};
 use stickslip::model::step::LocalIntegrator;
+use stickslip::verify::residual::largest;
 use stickslip::verify::stability_map::{Axis, EXTERIORS, MapError, MapPoint, TOLERANCE, Touching, boundaries};
 
 use crate::check::{Worst, small_scene};
@@ -52,7 +53,7 @@ fn spectral_radius(network: &Network, h: f64) -> f64 {
     step.view_mut((n, n), (n, n)).copy_from(&velocity_from_v);
     step.view_mut((0, 0), (n, n)).copy_from(&(&identity + &velocity_from_x * h));
     step.view_mut((0, n), (n, n)).copy_from(&(&velocity_from_v * h));
-    step.complex_eigenvalues().iter().map(|value| value.norm()).fold(0.0, f64::max)
+    largest(step.complex_eigenvalues().iter().map(|value| value.norm()))
 }
 
 #[test]
@@ -105,7 +106,7 @@ fn the_limit_separates_decay_from_growth() {
         let mut stepper = Stepper::new(&network);
         (0..3000)
             .for_each(|_| stepper.step(GlobalIntegrator::SemiImplicitEuler, &network, &mut state, h, &Unconstrained));
-        state.v.iter().map(Vec3::norm).fold(0.0, f64::max)
+        largest(state.v.iter().map(Vec3::norm))
     };
     assert!(grown(0.99 * limit) < 1e-8, "just below: {:e}", grown(0.99 * limit));
     let above = grown(1.02 * limit);

@@ -7,6 +7,7 @@ use stickslip::Vec3;
 use stickslip::contact::subdivision::{Jet, LimitSurface};
 use stickslip::model::mesh::{Block, Mesh, Stencil};
 use stickslip::model::surface::Surface;
+use stickslip::verify::residual::largest;
 
 use crate::check::{Worst, runner};
 
@@ -190,8 +191,8 @@ fn linear_functions_are_reproduced() {
         let [a, b, c] = sheet.surface.triangle_nodes(t).map(|n| sheet.x[n as usize]);
         let [p, pb, pg, seconds @ ..] = sheet.point(t, w);
         position.case((p - (a * w[0] + b * w[1] + c * w[2])).norm())?;
-        tangent.case((pb - (b - a)).norm().max((pg - (c - a)).norm()))?;
-        second.case(seconds.iter().map(|s| s.norm()).fold(0.0, f64::max))
+        tangent.case(largest([(pb - (b - a)).norm(), (pg - (c - a)).norm()]))?;
+        second.case(largest(seconds.iter().map(|s| s.norm())))
     });
     run.unwrap();
 }
@@ -217,9 +218,9 @@ fn derivatives_are_those_of_the_values() {
             let (bp, bm, gp, gm) = (at(h, 0.0), at(-h, 0.0), at(0.0, h), at(0.0, -h));
             let d = |p: Vec3, m: Vec3| (p - m) / (2.0 * h);
             let [_, pb, pg, pbb, pbg, pgg] = at(0.0, 0.0);
-            first.case((d(bp[0], bm[0]) - pb).norm().max((d(gp[0], gm[0]) - pg).norm()))?;
-            second.case((d(bp[1], bm[1]) - pbb).norm().max((d(gp[2], gm[2]) - pgg).norm()))?;
-            second.case((d(bp[2], bm[2]) - pbg).norm().max((d(gp[1], gm[1]) - pbg).norm()))
+            first.case(largest([(d(bp[0], bm[0]) - pb).norm(), (d(gp[0], gm[0]) - pg).norm()]))?;
+            second.case(largest([(d(bp[1], bm[1]) - pbb).norm(), (d(gp[2], gm[2]) - pgg).norm()]))?;
+            second.case(largest([(d(bp[2], bm[2]) - pbg).norm(), (d(gp[1], gm[1]) - pbg).norm()]))
         });
     run.unwrap();
 }
