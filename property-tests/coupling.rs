@@ -77,7 +77,7 @@ fn passivity_control_keeps_a_wall_from_giving_energy() {
 #[test]
 fn a_damper_takes_along_the_motion_what_is_missing_and_nothing_else() {
     let exact =
-        Worst::new("algebra", "passivity control, random: correction along the motion over what is missing", 1e-12);
+        Worst::new("algebra", "passivity control, random: correction along the motion over what is missing", 3e-15);
     let steps = prop::collection::vec((vector(5.0), vector(1e-3)), 200);
     let corrected = std::cell::Cell::new([0; 2]);
     let result = runner(100).run(&steps, |steps| {
@@ -111,8 +111,8 @@ fn a_damper_takes_along_the_motion_what_is_missing_and_nothing_else() {
 
 #[test]
 fn smoothing_bounds_the_jump_at_a_hand_over() {
-    let jump = Worst::new("algebra", "smoothing over n ticks: jump over 1/(n + 1) of the raw one, N", 1e-12);
-    let fade = Worst::new("algebra", "smoothing: fade against its formula, N", 1e-12);
+    let jump = Worst::new("algebra", "smoothing over n ticks: jump over 1/(n + 1) of the raw one, N", 2e-14);
+    let fade = Worst::new("algebra", "smoothing: fade against its formula, N", 2e-14);
     let cases = (vector(5.0), vector(5.0), vector(5.0), 1..50u32, 0..50u32);
     let result = runner(500).run(&cases, |(first, second, third, ticks, until_next)| {
         let mut smoothing = HandOverSmoothing::new(ticks);
@@ -147,7 +147,7 @@ fn smoothing_bounds_the_jump_at_a_hand_over() {
 
 #[test]
 fn a_coupling_at_rest_transmits_the_contact_force() {
-    let constant = Worst::new("algebra", "virtual coupling at rest: force against that of contact, relative", 1e-12);
+    let constant = Worst::new("algebra", "virtual coupling at rest: force against that of contact, relative", 1e-15);
     let result = runner(200).run(&(vector(5.0), 10.0..5000.0f64, 1.0..50.0f64), |(contact, stiffness, damping)| {
         // Critically damped or more, and slow against the tick: at rest after 40 of its slowest time constants.
         let mass = (0.25 * damping * damping / stiffness).max(TICK * (TICK * stiffness + 2.0 * damping));
@@ -167,7 +167,7 @@ fn a_coupling_at_rest_transmits_the_contact_force() {
 /// A wall that the simulated tip leans on: the device feels its spring and the coupling's in series.
 #[test]
 fn a_coupling_softens_a_wall_in_series() {
-    let worst = Worst::new("algebra", "virtual coupling at a wall of 800 N/m: force, relative", 1e-12);
+    let worst = Worst::new("algebra", "virtual coupling at a wall of 800 N/m: force, relative", 2e-15);
     let settings = CouplingSettings { stiffness: 500.0, damping: 5.0, mass: 0.05 };
     let mut coupling = VirtualCoupling::new(settings, TICK, Vec3::zeros()).expect("heavy enough");
     let measured = Vec3::z() * -0.004;

@@ -131,8 +131,9 @@ fn a_solid_is_a_body() {
         assert_eq!(surface, outside, "{name}");
         let (inside, shares) = (enclosed(&solid), solid.node_volumes.iter().sum::<f64>());
         let off = larger(((inside - sum) / sum).abs(), ((shares - sum) / sum).abs());
-        println!("RESIDUAL | {name} | volume by surface, tetrahedra and nodes, relative | 1e-12 | {off:.1e}");
-        assert!(off <= 1e-12, "{name}: {off:e}");
+        println!("RESIDUAL | {name} | volume by surface, tetrahedra and nodes, relative | 5e-14 | {off:.1e}");
+        // Sums over some thousand elements. Measured: 5e-15.
+        assert!(off <= 5e-14, "{name}: {off:e}");
     }
 }
 

@@ -52,8 +52,8 @@ fn difference<const R: usize, const C: usize>(
 /// at most l₁/ρ = 215 units in the last place.
 #[test]
 fn poses_and_tips_are_each_others_inverse() {
-    let there = Worst::new("algebra", "PHANTOM: angles of the tip of angles, rad", 1e-12);
-    let back = Worst::new("algebra", "PHANTOM: tip of the angles of a tip, relative to 0.385 m", 1e-12);
+    let there = Worst::new("algebra", "PHANTOM: angles of the tip of angles, rad", 3e-14);
+    let back = Worst::new("algebra", "PHANTOM: tip of the angles of a tip, relative to 0.385 m", 1e-14);
     let result = runner(2000).run(&pose(), |angles| {
         let tip = forward(&angles);
         let again = inverse(&tip).map_err(|error| TestCaseError::fail(error.to_string()))?;
@@ -66,7 +66,7 @@ fn poses_and_tips_are_each_others_inverse() {
 /// Every point gets its angles or an error that is true of it. With the round trip above, no pose is refused wrongly.
 #[test]
 fn points_without_a_pose_say_why() {
-    let back = Worst::new("algebra", "PHANTOM: tip of the angles of any point, relative to 0.385 m", 1e-12);
+    let back = Worst::new("algebra", "PHANTOM: tip of the angles of any point, relative to 0.385 m", 1e-14);
     let seen = std::cell::RefCell::new([0; 7]);
     let result = runner(4000).run(&vector(0.45), |offset| {
         let shoulder = Vec3::new(0.0, FORE_LINK, -UPPER_LINK);
@@ -147,7 +147,7 @@ fn each_limit_is_named() {
 fn the_jacobian_is_the_derivative_of_the_tip() {
     // Differences of order 4 with steps of 1e-3: both their errors are about 1e-13 m/rad.
     let worst = Worst::new("differences", "PHANTOM: Jacobian, relative to 0.385 m/rad", 1e-11);
-    let dual = Worst::new("algebra", "PHANTOM: torques of the force of torques, relative", 1e-13);
+    let dual = Worst::new("algebra", "PHANTOM: torques of the force of torques, relative", 3e-15);
     let identical = std::cell::Cell::new(0);
     let result = runner(500).run(&(pose(), vector(1.0)), |(angles, torque)| {
         let analytic = jacobian(&angles);

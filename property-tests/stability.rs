@@ -78,8 +78,8 @@ fn predicted_limit_is_where_the_spectral_radius_reaches_one() {
 
 #[test]
 fn proportional_damping_has_its_closed_form() {
-    // ω_max of the power iteration against that of a dense eigenvalue. Measured: 1e-15.
-    let worst = Worst::new("closed form", "2(√(1+ζ²)-ζ)/ω_max, relative", 1e-9);
+    // ω_max of the power iteration against that of a dense eigenvalue. Measured: 3e-12.
+    let worst = Worst::new("closed form", "2(√(1+ζ²)-ζ)/ω_max, relative", 3e-11);
     for damping in [0.0, 0.5, 3.0] {
         let network = network(damping, 0.0);
         let (k, _) = dense_jacobian(&network);

@@ -8,6 +8,7 @@ pub mod frames;
 pub mod latency;
 #[cfg(feature = "plots")]
 pub mod limits;
+pub mod measures;
 #[cfg(feature = "plots")]
 pub mod plots;
 #[cfg(feature = "plots")]
