@@ -8,13 +8,14 @@ use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
 use thiserror::Error;
 
 use super::keys::accepted;
-use crate::device::instrument::{InstrumentError, PathError};
+use crate::device::coupled::InstrumentError;
+use crate::device::path::PathError;
 use crate::dynamics::settle::SettleError;
+use crate::local::error::ModelError;
 use crate::mesh_file::MeshFileError;
-use crate::model::local::ModelError;
 use crate::model::material::MaterialError;
 use crate::model::network::NetworkError;
-use crate::model::surface::SurfaceError;
+use crate::model::topology::SurfaceError;
 
 /// What is wrong.
 #[derive(Debug, Error)]

@@ -4,7 +4,7 @@
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::timeline::OverrunPolicy;
+use crate::multirate::timeline::OverrunPolicy;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]

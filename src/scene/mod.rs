@@ -19,16 +19,19 @@ pub use mesh::MeshSource;
 pub use parts::Part;
 pub use shipped::{Expectation, SHIPPED, Shipped};
 
-use crate::contact::surface::ContactSurface;
-use crate::contact::tick::ContactRules;
-use crate::device::instrument::{InstrumentError, InstrumentKind, TipPath};
-use crate::dynamics::global::SyncMode;
-use crate::dynamics::integrators::{GlobalIntegrator, Threads};
+use crate::contact::rules::ContactRules;
+use crate::device::coupled::InstrumentError;
+use crate::device::instrument::InstrumentKind;
+use crate::device::path::TipPath;
+use crate::dynamics::constraint::Threads;
+use crate::dynamics::integrators::GlobalIntegrator;
 use crate::dynamics::settle::SettleError;
-use crate::model::local::LocalSettings;
+use crate::local::model::LocalSettings;
+use crate::local::step::LocalIntegrator;
 use crate::model::network::Material;
-use crate::model::step::LocalIntegrator;
-use crate::timeline::{Costs, Deadline, DrawnTimes, Timeline};
+use crate::multirate::global::SyncMode;
+use crate::multirate::timeline::{Costs, Deadline, DrawnTimes, Timeline};
+use crate::surface::geometry::ContactSurface;
 
 /// A checked scene: every value is finite and in range, and every key has an effect.
 ///

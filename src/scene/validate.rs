@@ -17,14 +17,14 @@ use super::file::*;
 use super::keys::accepted;
 use super::{Scene, Schedule, Source};
 use crate::contact::law::Law;
-use crate::contact::operators::Metric;
-use crate::contact::surface::ContactSurface;
-use crate::contact::tick::{ContactRules, Deformation, Scheme, Wall};
-use crate::model::condensation::{Condensation, FarField, Reach};
-use crate::model::local::{ExteriorKind, Linearization, LocalSettings};
-use crate::model::patch::Extent;
+use crate::contact::rules::{ContactRules, Deformation, Scheme, Wall};
+use crate::local::condensation::{Condensation, FarField, Reach};
+use crate::local::model::{ExteriorKind, Linearization, LocalSettings};
+use crate::local::patch::Extent;
+use crate::local::step::LocalIntegrator;
 use crate::model::springs::TangentKind;
-use crate::model::step::LocalIntegrator;
+use crate::surface::geometry::ContactSurface;
+use crate::surface::support::Metric;
 pub(super) use timing::at_rate;
 
 /// How far from a whole number a ratio of two decimal inputs may be and still mean one: a few

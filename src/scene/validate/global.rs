@@ -1,8 +1,9 @@
 //! The `[global]` and `[sync]` parts: how the network is integrated, and how it takes in the local model's cycle.
 
 use super::{Checker, Placed};
-use crate::dynamics::global::SyncMode;
-use crate::dynamics::integrators::{GlobalIntegrator, Threads};
+use crate::dynamics::constraint::Threads;
+use crate::dynamics::integrators::GlobalIntegrator;
+use crate::multirate::global::SyncMode;
 use crate::scene::GlobalSettings;
 use crate::scene::error::Problem;
 use crate::scene::file::{GlobalIntegratorName, LocalModelName, SceneFile, SyncName};

@@ -5,9 +5,11 @@ use std::path::Path;
 use toml::Spanned;
 
 use super::{Checker, Placed, Sign};
+use crate::device::coupled::InstrumentError;
 use crate::device::coupled::{CoupledPhantom, CoupledSettings};
 use crate::device::coupling::{CouplingError, CouplingSettings};
-use crate::device::instrument::{InstrumentError, InstrumentKind, TipPath, Waypoint};
+use crate::device::instrument::InstrumentKind;
+use crate::device::path::{TipPath, Waypoint};
 use crate::device::phantom::actuation::ActuationSettings;
 use crate::device::phantom::dynamics::JointSettings;
 use crate::device::phantom::hand::HandSettings;

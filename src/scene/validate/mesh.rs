@@ -7,12 +7,12 @@ use std::sync::Arc;
 use toml::Spanned;
 
 use super::{Checker, Placed, Sign};
+use crate::local::condensation::{FarField, Reach};
+use crate::local::model::{ExteriorKind, Linearization, LocalSettings};
+use crate::local::patch::Extent;
+use crate::local::step::LocalIntegrator;
 use crate::mesh_file::{FileMesh, Layers, MeshFile, MeshFileError, MeshProblem};
-use crate::model::condensation::{FarField, Reach};
-use crate::model::local::{ExteriorKind, Linearization, LocalSettings};
 use crate::model::mesh::{Block, Mesh, Stencil};
-use crate::model::patch::Extent;
-use crate::model::step::LocalIntegrator;
 use crate::scene::MeshSource;
 use crate::scene::error::Problem;
 use crate::scene::file::{Fixed, FixedName, FixedRegion, MeshKind, MeshTable, StencilName};

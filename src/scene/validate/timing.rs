@@ -3,10 +3,10 @@
 use toml::Spanned;
 
 use super::{Checker, Placed, Sign, whole};
+use crate::multirate::timeline::{Cost, Costs, Deadline, OverrunPolicy};
 use crate::scene::error::{Problem, SceneError};
 use crate::scene::file::{CostValue, LogNormalCost, RareCost, TimingTable};
 use crate::scene::{Scene, Schedule};
-use crate::timeline::{Cost, Costs, Deadline, OverrunPolicy};
 
 /// Why what is declared for virtual time has no effect.
 pub(super) const IN_REAL_TIME: &str = "`run.schedule = \"threads\"`, where computing takes the time it takes";

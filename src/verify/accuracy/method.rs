@@ -4,20 +4,20 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::contact::operators::Metric;
-use crate::contact::surface::ContactSurface;
-use crate::contact::tick::{Deformation, Scheme};
-use crate::model::condensation::{FarField, Reach};
-use crate::model::local::{ExteriorKind, Linearization, LocalSettings};
-use crate::model::patch::Extent;
+use crate::contact::rules::{Deformation, Scheme};
+use crate::local::condensation::{FarField, Reach};
+use crate::local::model::{ExteriorKind, Linearization, LocalSettings};
+use crate::local::patch::Extent;
+use crate::local::step::LocalIntegrator;
 use crate::model::springs::TangentKind;
-use crate::model::step::LocalIntegrator;
 use crate::scene::Scene;
+use crate::surface::geometry::ContactSurface;
+use crate::surface::support::Metric;
 
 /// How the tip meets the mesh.
 ///
 /// ```
-/// use stickslip::contact::{surface::ContactSurface, tick::Scheme};
+/// use stickslip::{contact::rules::Scheme, surface::geometry::ContactSurface};
 /// use stickslip::verify::accuracy::Touching;
 ///
 /// // An impulse acts through the masses and leaves no choice of deformation or metric.
