@@ -83,6 +83,12 @@ pub mod verify;
 #[cfg(feature = "cli")]
 pub mod cli;
 
+pub use contact::law::{ContactLaw, Impulse, Law, Mode};
+pub use contact::renderer::{Body, BodyState, MovedNodes, Rendered, Renderer, RendererFault, RendererModel};
+pub use device::instrument::{Instrument, InstrumentFault};
+pub use pipeline::{AssemblyError, Lockstep, OwnParts, RunError, Simulation, TickView, run};
+pub use scene::{Scene, SceneError};
+
 /// A point, vector, velocity or force.
 pub type Vec3 = nalgebra::Vector3<f64>;
 /// A 3 × 3 block of a Jacobian.

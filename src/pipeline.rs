@@ -8,23 +8,26 @@ use thiserror::Error;
 
 use crate::Vec3;
 use crate::contact::collision::START_TOLERANCE;
+use crate::contact::renderer::Renderer;
 use crate::contact::report::TickReport;
 use crate::contact::simulation::LocalSimulation;
+use crate::device::coupled::InstrumentError;
 use crate::device::coupled::{CoupledPhantom, DeviceView};
 use crate::device::coupling::HandOverSmoothing;
-use crate::device::instrument::Instrument;
-use crate::dynamics::settle::settle;
+use crate::device::instrument::{Instrument, InstrumentInUse};
+use crate::dynamics::integrators::GlobalIntegrator;
+use crate::dynamics::settle::{SettleError, settle};
 use crate::local::condensation::CondensationCounts;
 use crate::local::model::LocalModelBuilder;
 use crate::local::patch::Extent;
 use crate::model::mesh::Mesh;
-use crate::model::network::Network;
+use crate::model::network::{Network, NetworkError};
 use crate::model::state::State;
-use crate::model::topology::Surface;
+use crate::model::topology::{Surface, SurfaceError};
 use crate::model::work::WorkCounts;
 use crate::multirate::energy::EnergyBook;
 use crate::multirate::failsafe::{Bounds, Cause, FailSafe, Fault};
-use crate::multirate::global::{CycleSettings, GlobalSide, GlobalSimulation, Moment, SyncMode};
+use crate::multirate::global::{BuildError, CycleSettings, GlobalSide, GlobalSimulation, Moment, SyncMode};
 use crate::multirate::messages::{CycleMessage, ModelMessage};
 use crate::multirate::servo::Servo;
 use crate::multirate::timeline::{Arrival, Fate, Timeline};
@@ -105,6 +108,68 @@ impl TickView<'_> {
     }
 }
 
+/// Parts of one's own, in place of what the scene says.
+#[derive(Debug, Default)]
+pub struct OwnParts {
+    /// Mesh in place of the scene's. The scene's masses, and the constants of springs where each has its own, must be as
+    /// many as its nodes and edges.
+    pub mesh: Option<Mesh>,
+    /// Instrument in place of the scene's.
+    pub instrument: Option<Box<dyn Instrument>>,
+    /// Renderer in place of the scene's local model, contact scheme and law. It runs in lockstep.
+    pub renderer: Option<Box<dyn Renderer>>,
+}
+
+/// Why a scene cannot be put together.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum AssemblyError {
+    /// The material does not fit the mesh.
+    #[error(transparent)]
+    Network(#[from] NetworkError),
+    /// The mesh has no proper surface.
+    #[error(transparent)]
+    Surface(#[from] SurfaceError),
+    /// There is no static equilibrium to start from.
+    #[error(transparent)]
+    Settle(#[from] SettleError),
+    /// The instrument cannot be where the tip starts.
+    #[error(transparent)]
+    Instrument(#[from] InstrumentError),
+    /// The first model cannot be built.
+    #[error(transparent)]
+    Model(#[from] BuildError),
+    /// The tip starts inside the body.
+    #[error("the tip starts {depth_m:.6} m inside the body")]
+    TipInside {
+        /// How deep, m.
+        depth_m: f64,
+    },
+    /// A renderer of one's own gets its models from cycles that are replayed.
+    #[error("a renderer of one's own needs `local.model = \"patch\"` and `sync.mode = \"replay\"`")]
+    NoCycle,
+    /// A renderer of one's own that moves no nodes pushes the network, which an implicit global step does not take.
+    #[error("a renderer that moves no nodes needs an explicit `global.integrator`")]
+    PushedImplicitly,
+}
+
+impl AssemblyError {
+    /// With the place in the scene that decides it.
+    fn located(self, scene: &Scene) -> SceneError {
+        match self {
+            Self::Network(error) => scene.mesh_error(Problem::Network(error)),
+            Self::Surface(error) => scene.mesh_error(Problem::Surface(error)),
+            Self::Settle(error) => scene.settle_error(error),
+            Self::Instrument(error) => scene.instrument_error(error),
+            Self::Model(BuildError::Model(error)) => scene.mesh_error(Problem::Model(error)),
+            Self::TipInside { depth_m } => scene.tip_inside(depth_m),
+            error @ (Self::Model(BuildError::Renderer(_)) | Self::NoCycle | Self::PushedImplicitly) => {
+                scene.mesh_error(Problem::OwnPart(error.to_string()))
+            }
+        }
+    }
+}
+
 /// The two sides of a simulation, ready for another schedule than lockstep.
 #[derive(Debug, Clone)]
 pub struct Sides {
@@ -140,8 +205,9 @@ pub struct Sides {
 /// // The tip comes down at 25 µm a tick from 2 mm: to a mesh that is 1.01 mm higher, in 39.6 ticks.
 /// let mut mesh = scene.mesh.mesh();
 /// mesh.nodes.iter_mut().for_each(|node| node.z += 0.00101);
+/// let own = OwnParts { mesh: Some(mesh), ..OwnParts::default() };
 /// let mut free = 0;
-/// Simulation::assemble(&scene, &mesh)?.run(|tick| free += u32::from(tick.report.mode == Mode::Free))?;
+/// Simulation::prepare_with(&scene, own)?.run(|tick| free += u32::from(tick.report.mode == Mode::Free))?;
 /// assert_eq!(free, 39);
 /// # Ok::<(), stickslip::pipeline::RunError>(())
 /// ```
@@ -167,24 +233,25 @@ impl Simulation {
     /// # Errors
     /// If the mesh has no proper surface, the tip starts inside it, or the device cannot be where the tip starts.
     pub fn prepare(scene: &Scene) -> Result<Self, SceneError> {
-        Self::assemble(scene, &scene.mesh.mesh())
+        Self::prepare_with(scene, OwnParts::default())
     }
 
-    /// The same over a mesh of one's own.
+    /// The same with parts of one's own in place of the scene's.
     ///
     /// # Errors
-    /// As [`prepare`](Self::prepare), or if the scene's masses, or its springs' constants where each has its own, are not
-    /// as many as the mesh's nodes and edges.
-    pub fn assemble(scene: &Scene, mesh: &Mesh) -> Result<Self, SceneError> {
-        let network = Network::new(mesh, &scene.material, scene.fixed.clone());
-        let network = Arc::new(network.map_err(|error| scene.mesh_error(Problem::Network(error)))?);
-        let surface = Surface::new(mesh).map_err(|error| scene.mesh_error(Problem::Surface(error)))?;
-        let surface = Arc::new(surface);
-        let contact_surface = SurfaceModel::new(scene.surface, surface.clone())
-            .map_err(|error| scene.mesh_error(Problem::Surface(error)))?;
+    /// As [`prepare`](Self::prepare), or if a part does not fit the scene.
+    pub fn prepare_with(scene: &Scene, own: OwnParts) -> Result<Self, SceneError> {
+        Self::assemble(scene, own).map_err(|error| error.located(scene))
+    }
+
+    fn assemble(scene: &Scene, own: OwnParts) -> Result<Self, AssemblyError> {
+        let mesh = own.mesh.unwrap_or_else(|| scene.mesh.mesh());
+        let network = Arc::new(Network::new(&mesh, &scene.material, scene.fixed.clone())?);
+        let surface = Arc::new(Surface::new(&mesh)?);
+        let contact_surface = SurfaceModel::new(scene.surface, surface.clone())?;
         let mut start = network.rest_state();
         if scene.settle {
-            start.x = settle(&network).map_err(|error| scene.settle_error(error))?;
+            start.x = settle(&network)?;
         }
         let builder = LocalModelBuilder::new(&network, contact_surface.clone(), scene.local)
             .with_integrator(scene.integrator, scene.tick);
@@ -198,22 +265,38 @@ impl Simulation {
             metric: scene.contact.scheme.overwrite_metric(),
         };
         let mut global = GlobalSimulation::new(cycle, network.clone(), builder, start);
+        let is_rendered_by_another = own.renderer.is_some();
+        if let Some(renderer) = own.renderer {
+            if scene.is_full || scene.global.sync != SyncMode::Replay {
+                return Err(AssemblyError::NoCycle);
+            }
+            global = global.with_renderer(renderer);
+        }
 
-        let instrument = Instrument::new(&scene.instrument, &scene.path, scene.tick)
-            .map_err(|error| scene.instrument_error(error))?;
+        let instrument = match own.instrument {
+            Some(instrument) => InstrumentInUse::Own(instrument),
+            None => InstrumentInUse::new(&scene.instrument, &scene.path, scene.tick)?,
+        };
         let smoothing = HandOverSmoothing::new(scene.smoothing_ticks);
         let tip = instrument.start();
-        let ModelMessage { model, state } =
-            global.build_model(tip).map_err(|error| scene.mesh_error(Problem::Model(error)))?;
-        let local = LocalSimulation::new(scene.contact, scene.tick, contact_surface, model, state);
+        let ModelMessage { model, state, renderer } = global.build_model(tip)?;
+        let mut local = LocalSimulation::new(scene.contact, scene.tick, contact_surface, model, state);
+        local.take_over(renderer);
         let distance = local.shape().signed_distance(tip);
         if !(distance >= -START_TOLERANCE) {
-            return Err(scene.tip_inside(-distance));
+            return Err(AssemblyError::TipInside { depth_m: -distance });
         }
-        let replays = scene.global.sync == SyncMode::Replay && scene.local.extent != Extent::All;
-        let bounds = Bounds::new(&network.rest);
+        let keep = match (is_rendered_by_another, local.moved()) {
+            (true, None) if scene.global.integrator == GlobalIntegrator::ImplicitEuler => {
+                return Err(AssemblyError::PushedImplicitly);
+            }
+            (true, None) => Keep::Push,
+            (true, Some(_)) => Keep::Path,
+            (false, _) if scene.global.sync == SyncMode::Replay && scene.local.extent != Extent::All => Keep::Path,
+            (false, _) => Keep::End,
+        };
         Ok(Self {
-            servo: Servo::new(local, instrument, smoothing, FailSafe::new(bounds), scene.tick),
+            servo: Servo::new(local, instrument, smoothing, FailSafe::new(Bounds::new(&network.rest)), scene.tick),
             timeline: scene.timeline(),
             global: GlobalSide::new(global, network.clone()),
             network,
@@ -221,7 +304,7 @@ impl Simulation {
             tick: scene.tick,
             tick_count: scene.tick_count,
             ticks_per_cycle: u64::from(scene.ticks_per_cycle),
-            keep: if replays { Keep::Path } else { Keep::End },
+            keep,
             is_full: scene.is_full,
         })
     }
@@ -387,14 +470,20 @@ impl Lockstep {
 
     /// The tick itself.
     fn finish(&mut self, mark: &mut impl FnMut(Moment)) -> Result<TickView<'_>, Fault> {
-        let Simulation { global, network, servo, timeline, tick: step, is_full, .. } = &mut self.simulation;
+        let Simulation { global, network, servo, timeline, tick: step, is_full, keep, .. } = &mut self.simulation;
         let fate = timeline.fate(servo.next_tick());
         mark(Moment::TickBegins);
         let done = servo.tick(fate)?;
         mark(Moment::TickEnds);
         let local = servo.local();
-        if !*is_full {
-            self.trajectory.record(local.state());
+        match (local.moved(), *keep) {
+            _ if *is_full => {}
+            (Some(moved), _) => self.trajectory.record_at(moved.x, moved.v),
+            (None, Keep::Push) => {
+                let point = servo.report().touch.filter(|_| fate != Fate::Skipped).map(|touch| touch.point);
+                self.trajectory.record_push(done.report.force, point);
+            }
+            (None, _) => self.trajectory.record(local.state()),
         }
         if fate != Fate::Skipped {
             self.energy.book(local, &done.report, done.tip_before, done.tip, *step);
@@ -425,7 +514,11 @@ impl Lockstep {
         let tick_in_cycle = servo.next_tick() % ticks_per_cycle;
         let ticks = (ticks_per_cycle - tick_in_cycle).min(*tick_count);
         let local = servo.local();
-        self.trajectory.begin(local.model(), local.state(), tick_in_cycle as usize, ticks as usize);
+        let (tick, ticks) = (tick_in_cycle as usize, ticks as usize);
+        match local.moved() {
+            Some(moved) => self.trajectory.begin_at(moved.nodes, moved.x, moved.v, tick, ticks),
+            None => self.trajectory.begin(local.model(), local.state(), tick, ticks),
+        }
     }
 }
 

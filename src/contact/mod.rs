@@ -6,6 +6,7 @@ pub mod law;
 pub mod limit_surface;
 pub mod literal;
 pub mod nearest;
+pub mod renderer;
 pub mod report;
 pub mod rules;
 pub mod shape;

@@ -1,6 +1,7 @@
 //! The local side between ticks: the model in use, its state, and the contact.
 
 use super::collision::{Hits, START_TOLERANCE};
+use super::renderer::{MovedNodes, RendererFault, RendererModel};
 use super::rules::{ContactRules, Scheme};
 use super::shape::{Shape, Visited};
 use super::state::{Contact, ContactState};
@@ -50,6 +51,10 @@ pub struct LocalSimulation {
     pub(super) hits: Hits,
     /// Λ·(what was left of the way to the tip)/h of the last tick, J, where the model has a [`LinearStep`].
     pub(super) work_left: f64,
+    /// A model of a renderer of one's own, which then renders the ticks.
+    pub(super) renderer: Option<Box<dyn RendererModel>>,
+    /// Why that renderer cannot go on.
+    pub(super) renderer_fault: Option<RendererFault>,
 }
 
 impl LocalSimulation {
@@ -69,6 +74,8 @@ impl LocalSimulation {
             visited: Visited::new(triangles),
             hits: Hits::new(triangles),
             work_left: 0.0,
+            renderer: None,
+            renderer_fault: None,
         }
     }
 
@@ -94,6 +101,30 @@ impl LocalSimulation {
             self.contact = self.shape().nearest(tip).map(|point| Contact { point, state: ContactState::Tension });
         }
         before
+    }
+
+    /// Puts a model of a renderer of one's own to use, which goes on from the one before. The old one comes back, so that
+    /// whoever built it can dispose of it.
+    pub fn take_over(&mut self, mut renderer: Option<Box<dyn RendererModel>>) -> Option<Box<dyn RendererModel>> {
+        if let (Some(new), Some(old)) = (&mut renderer, &mut self.renderer) {
+            new.take_over(old.as_mut());
+        }
+        std::mem::replace(&mut self.renderer, renderer)
+    }
+
+    /// Whether a renderer of one's own renders the ticks.
+    pub fn is_rendered_by_another(&self) -> bool {
+        self.renderer.is_some()
+    }
+
+    /// The nodes that a renderer of one's own has moved.
+    pub fn moved(&self) -> Option<MovedNodes<'_>> {
+        self.renderer.as_ref().and_then(|renderer| renderer.moved())
+    }
+
+    /// Why a renderer of one's own cannot go on.
+    pub fn renderer_fault(&self) -> Option<RendererFault> {
+        self.renderer_fault
     }
 
     /// The contact surface of the whole body.

@@ -5,8 +5,9 @@
 //! velocity alone. A tick allocates nothing, locks nothing and does no I/O.
 
 use super::collision::{Collision, first_collision};
-use super::law::{Impulse, Law, Mode};
+use super::law::{Impulse, Mode};
 use super::limit_surface::MovingLimit;
+use super::renderer::{Rendered, RendererFault};
 use super::report::TickReport;
 use super::rules::{Deformation, RIGID_BELOW, Scheme, Wall};
 use super::shape::{Projection, Shape, Touch};
@@ -30,6 +31,7 @@ impl LocalSimulation {
     /// One tick, in which the tip goes from q₀ to q₁.
     pub fn tick(&mut self, q0: Vec3, q1: Vec3) -> TickReport {
         let report = match self.rules.scheme {
+            _ if self.renderer.is_some() => self.rendered_tick(q0, q1),
             Scheme::Geometric { deformation, metric } => self.geometric_tick(deformation, metric, q0, q1),
             Scheme::Velocity if self.model.step.is_some() => self.linear_step_tick(q0, q1),
             Scheme::Velocity => self.velocity_tick(q0, q1),
@@ -141,7 +143,7 @@ impl LocalSimulation {
         let impulse = model.step.as_ref().filter(|_| !(r.dot(&n) >= 0.0)).map(|step| {
             step.respond(support, response);
             let [g, gx] = response.at_contact(support);
-            (self.rules.law.impulse(&g, r, n), gx)
+            (self.rules.law.impulse(&g, r, n, *h), gx)
         });
         // An exact step whose modes turn within the tick may respond to a push the other way: nothing can be pushed then.
         let Some((Impulse { mode, value, fell_back }, gx)) = impulse.filter(|(push, _)| !(push.value.dot(&n) >= 0.0))
@@ -163,6 +165,37 @@ impl LocalSimulation {
         self.accept_prediction();
         let force = value * (-1.0 / self.tick_s);
         self.keep(TickReport { collision_time, fell_back, ..TickReport::touching(mode, force, touch) })
+    }
+
+    /// A renderer of one's own does all of the tick. What it reports is checked: its contact point lies on the surface.
+    fn rendered_tick(&mut self, q0: Vec3, q1: Vec3) -> TickReport {
+        let Some(renderer) = &mut self.renderer else { return self.release() };
+        let triangles = self.surface.topology.triangles.len();
+        let is_on_surface = |point: &ContactPoint| {
+            (point.triangle as usize) < triangles && point.weights.iter().all(|weight| weight.is_finite())
+        };
+        let rendered = match renderer.tick(q0, q1) {
+            Ok(rendered) if rendered.contact.is_none_or(|(point, _)| is_on_surface(&point)) => rendered,
+            Ok(_) => {
+                self.renderer_fault = Some(RendererFault("its contact point is not on the surface"));
+                Rendered::FREE
+            }
+            Err(fault) => {
+                self.renderer_fault = Some(fault);
+                Rendered::FREE
+            }
+        };
+        let Rendered { force, mode, contact } = rendered;
+        let released = self.contact.is_some() && contact.is_none();
+        let state = ContactState::after(mode);
+        self.contact = contact.map(|(point, _)| Contact { point, state });
+        match contact {
+            None => TickReport { mode, force, ..TickReport::free(released) },
+            Some((point, normal)) => {
+                let position = self.shape().position(&point);
+                TickReport::touching(mode, force, Touch { point, position, normal })
+            }
+        }
     }
 
     /// Step 1 (11): v* = v + h M⁻¹f, x* = x + h v*.
@@ -250,7 +283,7 @@ impl LocalSimulation {
     /// the forces up to date for step 4.
     fn deform(&mut self, deformation: Deformation, touch: Touch, elapsed: f64, q1: Vec3) {
         let mut d = q1 - touch.position;
-        if self.rules.law == Law::Sliding {
+        if self.rules.law.follows_along_normal_only() {
             d = touch.normal * d.dot(&touch.normal);
         }
         let support = &self.support;

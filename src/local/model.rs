@@ -215,6 +215,8 @@ pub struct LocalModelBuilder {
     integrator: LocalIntegrator,
     /// h, s.
     tick: f64,
+    /// Whether models have no patch.
+    is_without_patch: bool,
 }
 
 impl LocalModelBuilder {
@@ -227,12 +229,19 @@ impl LocalModelBuilder {
             ExteriorKind::Fixed | ExteriorKind::Drifting => None,
         };
         let integrator = LocalIntegrator::SemiImplicitEuler;
-        Self { settings, surface, tree, selector, condenser, integrator, tick: 0.0 }
+        Self { settings, surface, tree, selector, condenser, integrator, tick: 0.0, is_without_patch: false }
     }
 
     /// The same with ticks of `tick` seconds by this integrator. Without it, models are for the explicit one.
     pub fn with_integrator(self, integrator: LocalIntegrator, tick: f64) -> Self {
         Self { integrator, tick, ..self }
+    }
+
+    /// The same without a patch: models say where the surface is, and nothing moves. A renderer of one's own does the rest.
+    pub fn without_patch(self) -> Self {
+        let settings = LocalSettings::FULL;
+        let integrator = LocalIntegrator::SemiImplicitEuler;
+        Self { settings, condenser: None, integrator, is_without_patch: true, ..self }
     }
 
     /// The contact surface.
@@ -259,7 +268,11 @@ impl LocalModelBuilder {
     ) -> Result<(LocalModel, LocalState), ModelError> {
         let surface = &*self.surface.topology;
         let support = touched.map_or(&[][..], |triangle| self.surface.support(triangle));
-        let patch = self.selector.select(network, surface, &state.x, point, support, self.settings.extent);
+        let patch = if self.is_without_patch {
+            self.selector.none(network, surface)
+        } else {
+            self.selector.select(network, surface, &state.x, point, support, self.settings.extent)
+        };
         let of = |values: &[Vec3], nodes: &[u32]| nodes.iter().map(|&node| values[node as usize]).collect::<Vec<_>>();
         let motion = match self.settings.exterior {
             // For collision and normals a condensed exterior stays where it starts.

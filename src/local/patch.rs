@@ -129,6 +129,11 @@ impl PatchSelector {
         self.assemble(network, surface, centre, nodes)
     }
 
+    /// The patch without nodes.
+    pub fn none(&mut self, network: &Network, surface: &Surface) -> Patch {
+        self.assemble(network, surface, None, Vec::new())
+    }
+
     /// Breadth first from the centre, one ring after the other.
     fn rings(&mut self, network: &Network, centre: u32, rings: u32, nodes: &mut Vec<u32>) {
         nodes.push(centre);

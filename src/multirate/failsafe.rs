@@ -5,8 +5,10 @@ use thiserror::Error;
 
 use crate::Vec3;
 use crate::contact::law::Mode;
+use crate::contact::renderer::RendererFault;
 use crate::contact::report::TickReport;
 use crate::contact::simulation::LocalSimulation;
+use crate::device::instrument::InstrumentFault;
 use crate::device::phantom::DeviceError;
 use crate::local::error::ModelError;
 use crate::model::state::State;
@@ -32,6 +34,12 @@ pub enum Cause {
     /// The instrument has left the range in which it can be simulated.
     #[error(transparent)]
     Device(#[from] DeviceError),
+    /// An instrument of one's own cannot go on.
+    #[error(transparent)]
+    Instrument(InstrumentFault),
+    /// A renderer of one's own cannot go on.
+    #[error(transparent)]
+    Renderer(RendererFault),
     /// A node is too far from its rest place.
     #[error("node {node} ran away: {distance_m:.3} m from its rest place, more than {limit_m:.3} m")]
     Runaway {
@@ -101,6 +109,9 @@ impl Bounds {
 
     /// What is wrong with a tick.
     fn tick_cause(self, local: &LocalSimulation, report: &TickReport) -> Option<Cause> {
+        if let Some(fault) = local.renderer_fault() {
+            return Some(Cause::Renderer(fault));
+        }
         if !report.force.norm().is_finite() {
             return Some(Cause::ForceNotFinite);
         }

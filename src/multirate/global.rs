@@ -3,10 +3,13 @@
 
 use std::sync::Arc;
 
+use thiserror::Error;
+
 use super::failsafe::{Bounds, Cause};
 use super::messages::{CycleMessage, ModelMessage};
-use super::trajectory::{Keep, Replayed, Trajectory};
+use super::trajectory::{Keep, Pushed, Replayed, Trajectory};
 use crate::Vec3;
+use crate::contact::renderer::{Body, BodyState, Renderer, RendererFault, RendererModel};
 use crate::contact::rules::RIGID_BELOW;
 use crate::contact::state::{Contact, ContactState};
 use crate::dynamics::constraint::{Constraint, Steps, Threads, Unconstrained};
@@ -74,6 +77,17 @@ impl Constraint for Held<'_> {
     }
 }
 
+/// Why there is no model of the next cycle.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum BuildError {
+    /// The local model cannot be built, or the network was not brought over the cycle.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// A renderer of one's own has none.
+    #[error(transparent)]
+    Renderer(#[from] RendererFault),
+}
+
 /// The global side: the network, its state, and the builder of local models.
 ///
 /// ```
@@ -115,13 +129,19 @@ pub struct GlobalSimulation {
     /// At the start of the cycle that runs now.
     contact: Option<Contact>,
     models_built: u64,
+    renderer: Option<Box<dyn Renderer>>,
 }
 
 impl GlobalSimulation {
     /// The network in the state in which it starts.
     pub fn new(settings: CycleSettings, network: Arc<Network>, builder: LocalModelBuilder, state: State) -> Self {
         let stepper = Stepper::new(&network);
-        Self { settings, network, builder, state, stepper, contact: None, models_built: 0 }
+        Self { settings, network, builder, state, stepper, contact: None, models_built: 0, renderer: None }
+    }
+
+    /// The same with a renderer of one's own in place of the local model.
+    pub fn with_renderer(self, renderer: Box<dyn Renderer>) -> Self {
+        Self { builder: self.builder.without_patch(), renderer: Some(renderer), ..self }
     }
 
     /// The network's state at the last boundary.
@@ -163,13 +183,22 @@ impl GlobalSimulation {
     ///
     /// # Errors
     /// If it cannot be built.
-    pub fn build_model(&mut self, tip: Vec3) -> Result<ModelMessage, ModelError> {
+    pub fn build_model(&mut self, tip: Vec3) -> Result<ModelMessage, BuildError> {
         let point = self.contact.map(|contact| contact.point);
         let around = point.map_or(tip, |point| self.position(&point));
         let touched = point.map(|point| point.triangle);
         self.models_built += 1;
         let (model, state) = self.builder.build(&self.network, &self.state, around, touched)?;
-        Ok(ModelMessage { model, state })
+        Ok(ModelMessage { model, state, renderer: self.build_rendered(tip)? })
+    }
+
+    /// The model of a renderer of one's own, if there is one.
+    fn build_rendered(&mut self, tip: Vec3) -> Result<Option<Box<dyn RendererModel>>, BuildError> {
+        let Some(renderer) = &mut self.renderer else { return Ok(None) };
+        let body = Body { network: &self.network, surface: self.builder.surface() };
+        let contact = self.contact.map(|contact| contact.point);
+        let state = BodyState { x: &self.state.x, v: &self.state.v, tip, contact };
+        Ok(Some(renderer.build(body, state)?))
     }
 
     fn position(&self, point: &ContactPoint) -> Vec3 {
@@ -177,9 +206,16 @@ impl GlobalSimulation {
     }
 
     fn replay(&mut self, trajectory: &Trajectory) {
-        if trajectory.keeps() == Keep::Path {
-            let CycleSettings { ticks, substeps, .. } = self.settings;
-            self.integrate(|substep| Replayed { trajectory, substep, ticks, substeps });
+        let CycleSettings { ticks, substeps, .. } = self.settings;
+        match trajectory.keeps() {
+            Keep::Path => self.integrate(|substep| Replayed { trajectory, substep, ticks, substeps }),
+            Keep::Push => {
+                let (surface, network) = (self.builder.surface().clone(), self.network.clone());
+                let pushed =
+                    |substep| Pushed::new(trajectory, &surface, &network.inverse_mass, substep, ticks, substeps);
+                self.integrate(pushed);
+            }
+            Keep::End => {}
         }
         trajectory.finish(&mut self.state);
     }
@@ -286,12 +322,15 @@ impl GlobalSide {
             self.simulation.catch_up(&message)
         });
         mark(Moment::ModelBegins);
-        let model = caught_up.and_then(|()| self.simulation.build_model(tip));
+        let model = caught_up.map_err(BuildError::Model).and_then(|()| self.simulation.build_model(tip));
         mark(Moment::ModelEnds);
         // A network that has run away has no model either: that it ran away is the cause.
         match self.bounds.network_cause(&self.network.rest, self.simulation.state()) {
             Some(cause) => Err(cause),
-            None => model.map_err(Cause::NoModel),
+            None => model.map_err(|error| match error {
+                BuildError::Model(error) => Cause::NoModel(error),
+                BuildError::Renderer(fault) => Cause::Renderer(fault),
+            }),
         }
     }
 }

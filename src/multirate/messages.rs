@@ -2,6 +2,7 @@
 
 use super::trajectory::Trajectory;
 use crate::Vec3;
+use crate::contact::renderer::RendererModel;
 use crate::contact::state::Contact;
 use crate::local::model::{LocalModel, LocalState};
 
@@ -23,4 +24,6 @@ pub struct ModelMessage {
     pub model: LocalModel,
     /// Its state, to be merged with that of the local side.
     pub state: LocalState,
+    /// The model of a renderer of one's own, which takes the local model's place.
+    pub renderer: Option<Box<dyn RendererModel>>,
 }

@@ -6,7 +6,7 @@ use crate::contact::report::TickReport;
 use crate::contact::simulation::LocalSimulation;
 use crate::device::coupled::{CoupledPhantom, DeviceView};
 use crate::device::coupling::HandOverSmoothing;
-use crate::device::instrument::Instrument;
+use crate::device::instrument::{InstrumentInUse, SenseError};
 use crate::multirate::failsafe::{Cause, FailSafe, Fault};
 use crate::multirate::messages::ModelMessage;
 use crate::multirate::timeline::{Fate, OverrunPolicy};
@@ -45,7 +45,7 @@ use crate::multirate::timeline::{Fate, OverrunPolicy};
 #[derive(Debug, Clone)]
 pub struct Servo {
     local: LocalSimulation,
-    instrument: Instrument,
+    instrument: InstrumentInUse,
     smoothing: HandOverSmoothing,
     failsafe: FailSafe,
     /// h, s.
@@ -95,7 +95,7 @@ impl Servo {
     /// At the start of tick 0.
     pub fn new(
         local: LocalSimulation,
-        instrument: Instrument,
+        instrument: InstrumentInUse,
         smoothing: HandOverSmoothing,
         failsafe: FailSafe,
         step: f64,
@@ -150,11 +150,12 @@ impl Servo {
     /// Puts a new model to use, built from the state at the start of tick `from`. The old one comes back, so
     /// that whoever built it can dispose of it.
     pub fn hand_over(&mut self, message: ModelMessage, from: u64) -> ModelMessage {
-        let ModelMessage { model, state } = message;
+        let ModelMessage { model, state, renderer } = message;
         self.model_since = self.tick;
         self.is_new_model = true;
         let (model, state) = self.local.hand_over(model, state, self.tick.saturating_sub(from), self.tip);
-        ModelMessage { model, state }
+        let renderer = self.local.take_over(renderer);
+        ModelMessage { model, state, renderer }
     }
 
     /// Something went wrong outside of ticks: zero is commanded from here on.
@@ -189,7 +190,12 @@ impl Servo {
 
     fn move_instrument(&mut self) -> Result<Vec3, Fault> {
         let [begin, end] = [self.tick, self.tick + 1].map(|tick| tick as f64 * self.step);
-        self.instrument.sense(begin, end, &self.felt).map_err(|error| self.latch(Cause::Device(error)))
+        self.instrument.sense(begin, end, &self.felt).map_err(|error| {
+            self.latch(match error {
+                SenseError::Device(error) => Cause::Device(error),
+                SenseError::Own(fault) => Cause::Instrument(fault),
+            })
+        })
     }
 
     /// The tick of the local model, with the tip at its end.

@@ -4,6 +4,7 @@ use crate::Vec3;
 use crate::dynamics::constraint::Constraint;
 use crate::local::model::{LocalModel, LocalState};
 use crate::model::state::State;
+use crate::surface::geometry::{ContactPoint, SurfaceModel};
 
 /// The path of the patch through one cycle: a segment for each model that was in use.
 ///
@@ -31,6 +32,16 @@ use crate::model::state::State;
 pub struct Trajectory {
     keep: Keep,
     segments: Vec<Segment>,
+    /// What a renderer of one's own did in each tick, where the network is pushed by its force.
+    pushes: Vec<Option<Push>>,
+}
+
+/// Force on the network at a contact point over one tick.
+#[derive(Debug, Clone, Copy)]
+struct Push {
+    point: ContactPoint,
+    /// N.
+    force: Vec3,
 }
 
 /// How much of the path the global side needs.
@@ -38,6 +49,8 @@ pub struct Trajectory {
 pub enum Keep {
     /// Every tick.
     Path,
+    /// The force of every tick on the network, at its contact point: a renderer of one's own moves no nodes.
+    Push,
     /// The last tick: with nothing to replay, the path is not recorded.
     End,
 }
@@ -54,7 +67,7 @@ struct Segment {
 impl Trajectory {
     /// An empty path.
     pub fn new(keep: Keep) -> Self {
-        Self { keep, segments: Vec::new() }
+        Self { keep, segments: Vec::new(), pushes: Vec::new() }
     }
 
     /// How much of the path is kept.
@@ -72,8 +85,11 @@ impl Trajectory {
     pub fn begin_at(&mut self, nodes: &[u32], x: &[Vec3], v: &[Vec3], tick: usize, ticks: usize) {
         let samples = match self.keep {
             Keep::Path => ticks + 1,
-            Keep::End => 1,
+            Keep::End | Keep::Push => 1,
         };
+        if self.keep == Keep::Push {
+            self.pushes.reserve(ticks);
+        }
         let start = |values: &[Vec3]| {
             let mut all = Vec::with_capacity(samples * nodes.len());
             all.extend_from_slice(values);
@@ -99,6 +115,12 @@ impl Trajectory {
             segment.x.extend_from_slice(x);
             segment.v.extend_from_slice(v);
         }
+    }
+
+    /// Minus the force of a tick, N, at its contact point, acts on the network. Allocates nothing within the ticks that were
+    /// announced.
+    pub fn record_push(&mut self, force: Vec3, point: Option<ContactPoint>) {
+        self.pushes.push(point.map(|point| Push { point, force: -force }));
     }
 
     /// The patch in use in a tick.
@@ -175,4 +197,51 @@ impl Constraint for Replayed<'_> {
         let (time, tick) = self.time(ahead);
         self.trajectory.prescribe(tick, time, state);
     }
+}
+
+/// The network is pushed by the forces of a renderer of one's own, each over the part of its tick that lies within the
+/// substep: no momentum is lost, however ticks and substeps lie.
+pub(super) struct Pushed {
+    nodes: Vec<u32>,
+    /// What is added to the acceleration of each of these nodes, m/s².
+    accelerations: Vec<Vec3>,
+}
+
+impl Pushed {
+    /// The pushes in one substep of a cycle.
+    pub fn new(
+        trajectory: &Trajectory,
+        surface: &SurfaceModel,
+        inverse_mass: &[f64],
+        substep: u32,
+        ticks: u32,
+        substeps: u32,
+    ) -> Self {
+        let time = |substep: u32| f64::from(substep) * f64::from(ticks) / f64::from(substeps);
+        let (begin, end) = (time(substep), time(substep + 1));
+        let mut pushed = Self { nodes: Vec::new(), accelerations: Vec::new() };
+        for tick in begin.floor() as usize..(end.ceil() as usize).min(trajectory.pushes.len()) {
+            let Some(Push { point, force }) = trajectory.pushes[tick] else { continue };
+            let share = (end.min(tick as f64 + 1.0) - begin.max(tick as f64)) / (end - begin);
+            for (node, weight) in surface.node_weights(&point) {
+                pushed.nodes.push(node as u32);
+                pushed.accelerations.push(force * (share * weight * inverse_mass[node]));
+            }
+        }
+        pushed
+    }
+}
+
+impl Constraint for Pushed {
+    fn nodes(&self, _: f64) -> &[u32] {
+        &self.nodes
+    }
+
+    fn accelerations(&self, a: &mut [Vec3]) {
+        for (&node, acceleration) in self.nodes.iter().zip(&self.accelerations) {
+            a[node as usize] += acceleration;
+        }
+    }
+
+    fn state(&self, _: f64, _: &mut State) {}
 }

@@ -170,6 +170,9 @@ pub enum NotServed {
     /// There was nothing to run.
     #[error("there is no pass to run in real time")]
     NoPass,
+    /// A renderer of one's own runs in lockstep only.
+    #[error("a renderer of one's own runs in lockstep, not in real time")]
+    OwnRenderer,
     /// One of its threads did not come back.
     #[error("a thread of the loop ended in a panic")]
     #[diagnostic(help("this is a defect of the program: please report it, with the scene"))]
@@ -209,6 +212,9 @@ pub fn serve(
     settings: LoopSettings,
     stop: &AtomicBool,
 ) -> Result<Served, NotServed> {
+    if passes.iter().any(|pass| pass.servo.local().is_rendered_by_another()) {
+        return Err(NotServed::OwnRenderer);
+    }
     let mut refused = Vec::new();
     let ticks = passes.iter().map(|pass| pass.ticks).sum();
     let deadline_ns = nanoseconds(settings.deadline.after);

@@ -20,6 +20,9 @@ use crate::model::topology::SurfaceError;
 /// What is wrong.
 #[derive(Debug, Error)]
 pub enum Problem {
+    /// A part of one's own does not fit the scene.
+    #[error("{0}")]
+    OwnPart(String),
     /// The file cannot be read.
     #[error("cannot read {path}: {error}")]
     Unreadable {
@@ -150,6 +153,7 @@ impl Problem {
             | Problem::Material { key, .. }
             | Problem::Instrument { key, .. } => Some(key),
             Problem::Unreadable { .. }
+            | Problem::OwnPart(_)
             | Problem::Syntax(_)
             | Problem::MeshFile(_)
             | Problem::TooLarge { .. }

@@ -43,6 +43,7 @@ impl Scene {
             Law::Sliding => "sliding",
             Law::Sticking => "sticking",
             Law::StickSlip { .. } => "stick-slip",
+            Law::Own(_) => "own",
         };
         let law_is = format!("contact.law = {law:?}");
         let model = if self.is_full { "local.model = \"full\"" } else { "local.model = \"patch\"" };

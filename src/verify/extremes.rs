@@ -14,7 +14,7 @@ use crate::contact::rules::Scheme;
 use crate::local::model::LocalSettings;
 use crate::model::mesh::{Block, Mesh, Stencil};
 use crate::multirate::failsafe::{Cause, Fault};
-use crate::pipeline::Simulation;
+use crate::pipeline::{OwnParts, Simulation};
 use crate::scene::{MeshSource, Scene, SceneError};
 use crate::surface::geometry::ContactSurface;
 
@@ -99,8 +99,10 @@ pub enum FaultKind {
     Runaway,
     /// [`Cause::NoModel`].
     NoModel,
-    /// [`Cause::Device`].
+    /// [`Cause::Device`] or [`Cause::Instrument`].
     Device,
+    /// [`Cause::Renderer`].
+    Renderer,
 }
 
 impl FaultKind {
@@ -110,7 +112,8 @@ impl FaultKind {
             Cause::StateNotFinite { .. } => Self::StateNotFinite,
             Cause::Runaway { .. } => Self::Runaway,
             Cause::NoModel(_) => Self::NoModel,
-            Cause::Device(_) => Self::Device,
+            Cause::Device(_) | Cause::Instrument(_) => Self::Device,
+            Cause::Renderer(_) => Self::Renderer,
         }
     }
 }
@@ -232,6 +235,7 @@ impl fmt::Display for Expected {
             Expected::Fault(FaultKind::Runaway) => f.write_str("fault: runaway"),
             Expected::Fault(FaultKind::NoModel) => f.write_str("fault: no model"),
             Expected::Fault(FaultKind::Device) => f.write_str("fault: device out of range"),
+            Expected::Fault(FaultKind::Renderer) => f.write_str("fault: renderer failed"),
             Expected::Refused(words) => write!(f, "error: {words}"),
         }
     }
@@ -327,7 +331,8 @@ impl Extreme {
             Some(reshape) => reshape(&mut scene),
             None => scene.mesh.mesh(),
         };
-        let simulation = Simulation::assemble(&scene, &mesh).map_err(|error| Got::Refused(error.to_string()))?;
+        let simulation = Simulation::prepare_with(&scene, OwnParts { mesh: Some(mesh.clone()), ..OwnParts::default() })
+            .map_err(|error| Got::Refused(error.to_string()))?;
         let mut watch = Watch::new(&scene, &mesh);
         simulation.run(|view| watch.see(view)).map_err(Got::Fault)?;
         Ok(watch)

@@ -241,7 +241,8 @@ fn cause(fault: &Fault) -> &'static str {
         Cause::ForceNotFinite => "the contact force is not finite",
         Cause::StateNotFinite { .. } => "the state is not finite",
         Cause::NoModel(_) => "no local model could be built",
-        Cause::Device(_) => "the instrument left the range in which it can be simulated",
+        Cause::Renderer(_) => "the renderer failed",
+        Cause::Instrument(_) | Cause::Device(_) => "the instrument left the range in which it can be simulated",
         Cause::Runaway { .. } => "a node ran away",
     }
 }

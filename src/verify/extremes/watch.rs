@@ -39,7 +39,7 @@ impl Watch {
             scheme: scene.contact.scheme,
             friction: match scene.contact.law {
                 Law::StickSlip { friction } => Some(friction),
-                Law::Sliding | Law::Sticking => None,
+                Law::Sliding | Law::Sticking | Law::Own(_) => None,
             },
             gravity: scene.material.gravity,
             rest: mesh.nodes.clone(),
