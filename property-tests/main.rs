@@ -8,6 +8,7 @@ mod closed_loop;
 mod condensation;
 mod contact;
 mod coupling;
+mod documents;
 mod elasticity;
 mod extremes;
 mod integrators;
