@@ -9,6 +9,7 @@ mod condensation;
 mod contact;
 mod coupling;
 mod documents;
+mod doors;
 mod elasticity;
 mod extremes;
 mod integrators;

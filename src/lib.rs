@@ -86,8 +86,10 @@ pub mod cli;
 pub use contact::law::{ContactLaw, Impulse, Law, Mode};
 pub use contact::renderer::{Body, BodyState, MovedNodes, Rendered, Renderer, RendererFault, RendererModel};
 pub use device::instrument::{Instrument, InstrumentFault};
+pub use output::files::{FinishedRun, RunFilesError, run_into};
 pub use pipeline::{AssemblyError, Lockstep, OwnParts, RunError, Simulation, TickView, run};
 pub use scene::{Scene, SceneError};
+pub use surface::geometry::ContactPoint;
 
 /// A point, vector, velocity or force.
 pub type Vec3 = nalgebra::Vector3<f64>;
