@@ -5,12 +5,13 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, Normal};
+use crate::word::words;
 
 /// What becomes of a tick whose force is not there by its deadline.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum OverrunPolicy {
     /// The instrument keeps the force it was commanded last; the late one is thrown away.
+    #[default]
     Hold,
     /// It is commanded zero.
     Zero,
@@ -18,16 +19,7 @@ pub enum OverrunPolicy {
     Skip,
 }
 
-impl OverrunPolicy {
-    /// As scenes write it.
-    pub fn name(self) -> &'static str {
-        match self {
-            OverrunPolicy::Hold => "hold",
-            OverrunPolicy::Zero => "zero",
-            OverrunPolicy::Skip => "skip",
-        }
-    }
-}
+words!(OverrunPolicy { Hold = "hold", Zero = "zero", Skip = "skip" });
 
 /// Whether a tick met its deadline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

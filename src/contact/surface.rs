@@ -9,11 +9,13 @@ use crate::model::local::LocalModel;
 use crate::model::patch::OUTSIDE;
 use crate::model::surface::{Surface, SurfaceError};
 use crate::{Mat3, Vec3};
+use crate::word::words;
 
 /// Which surface the tip feels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum ContactSurface {
     /// The triangles with their face normals (the paper). The normal jumps at an edge.
+    #[default]
     Faceted,
     /// The triangles with normals interpolated from the vertices. No jump, but not the normal of
     /// what slides: it creates energy.
@@ -21,6 +23,8 @@ pub enum ContactSurface {
     /// The Loop limit surface with its true normal: no jump, and no energy from nowhere.
     Subdivision,
 }
+
+words!(ContactSurface { Faceted = "faceted", Shaded = "shaded", Subdivision = "subdivision" });
 
 /// A contact surface with what is prepared for it once per mesh.
 ///

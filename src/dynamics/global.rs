@@ -14,16 +14,20 @@ use crate::model::local::{LocalModel, LocalModelBuilder, LocalState, ModelError}
 use crate::model::network::{Network, State};
 use crate::model::surface::Surface;
 use crate::model::work::WorkCounts;
+use crate::word::words;
 
 /// How the network takes in what happened in the local model.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum SyncMode {
     /// The exterior is integrated with the patch prescribed along its recorded path.
+    #[default]
     Replay,
     /// The whole network is integrated with the contact point of the cycle's start held still,
     /// then the patch is overwritten (the paper's words).
     Overwrite,
 }
+
+words!(SyncMode { Replay = "replay", Overwrite = "overwrite" });
 
 /// The constant settings of the global side.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -21,6 +21,7 @@ use super::network::Network;
 use super::patch::Patch;
 use super::springs::{Spring, TangentKind};
 use crate::{Mat3, Vec3};
+use crate::word::words;
 
 /// Edge of a cell of the coarse grid, in lengths of a spring.
 const COARSENING: f64 = 4.0;
@@ -59,13 +60,16 @@ pub enum Reach {
 }
 
 /// What the exterior beyond [`Reach::Rings`] does.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum FarField {
     /// It stays where it is.
+    #[default]
     Fixed,
     /// It follows as a coarse grid does whose cells are four springs long.
     Coarse,
 }
+
+words!(FarField { Fixed = "fixed", Coarse = "coarse" });
 
 /// What became of the exterior of one model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -35,6 +35,17 @@ impl LocalSettings {
         Self { extent: Extent::All, linearization: Linearization::None, exterior: ExteriorKind::Fixed };
 }
 
+impl Default for LocalSettings {
+    /// The paper's: one ring with its exact tangent, in an exterior that stays where it is.
+    fn default() -> Self {
+        Self {
+            extent: Extent::Rings(1),
+            linearization: Linearization::Tangent(TangentKind::default()),
+            exterior: ExteriorKind::Fixed,
+        }
+    }
+}
+
 /// How the forces on the patch are computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Linearization {
