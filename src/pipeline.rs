@@ -46,10 +46,9 @@ pub enum RunError {
 /// ```
 /// use stickslip::{pipeline, scene::Scene};
 ///
-/// let mut scene = Scene::shipped("fig5-stick-slip").expect("shipped with the program");
-/// scene.tick_count = 250;
+/// let scene = Scene::shipped("fig5-stick-slip").expect("shipped with the program").with_ticks(250);
 /// pipeline::run(&scene, |view| {
-///     assert!(((view.tick + 1) as f64 * scene.tick - view.time).abs() < 1e-12);
+///     assert!(((view.tick + 1) as f64 * scene.tick_s() - view.time).abs() < 1e-12);
 ///     // The force has no other parts.
 ///     assert!((view.normal_force().hypot(view.tangential_force()) - view.force.norm()).abs() < 1e-12);
 /// })?;
@@ -178,8 +177,7 @@ impl GlobalSide {
 /// ```
 /// use stickslip::{contact::law::Mode, pipeline::{Moment, Simulation}, scene::Scene, timeline::Timeline};
 ///
-/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// scene.tick_count = 250;
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(250);
 /// let simulation = Simulation::prepare(&scene)?;
 /// assert_eq!((simulation.network().node_count(), simulation.surface().triangles.len()), (324, 448));
 /// assert!(simulation.device().is_none() && simulation.global().state().x == simulation.network().rest);
@@ -207,7 +205,7 @@ pub struct Simulation {
     global: GlobalSide,
     servo: Servo,
     timeline: Timeline,
-    tick: f64,
+    tick_s: f64,
     tick_count: u64,
     ticks_per_cycle: u64,
     keep: Keep,
@@ -220,8 +218,10 @@ impl Simulation {
     /// here and at boundaries, none in a tick.
     ///
     /// # Errors
-    /// If the mesh has no proper surface, the tip starts inside it, or the device cannot be where the tip starts.
+    /// If settings of the scene are out of range or do not go together, the mesh has no proper surface, the tip starts
+    /// inside it, or the device cannot be where the tip starts.
     pub fn prepare(scene: &Scene) -> Result<Self, SceneError> {
+        scene.check()?;
         Self::assemble(scene, &scene.mesh.mesh())
     }
 
@@ -232,52 +232,52 @@ impl Simulation {
     /// as many as the mesh's nodes and edges.
     pub fn assemble(scene: &Scene, mesh: &Mesh) -> Result<Self, SceneError> {
         let network = Network::new(mesh, &scene.material, scene.fixed.clone());
-        let network = Arc::new(network.map_err(|error| scene.mesh_error(Problem::Network(error)))?);
-        let surface = Surface::new(mesh).map_err(|error| scene.mesh_error(Problem::Surface(error)))?;
+        let network = Arc::new(network.map_err(|error| scene.error(Problem::Network(error)))?);
+        let surface = Surface::new(mesh).map_err(|error| scene.error(Problem::Surface(error)))?;
         let surface = Arc::new(surface);
         let geometry =
-            ContactGeometry::new(scene.surface, &surface).map_err(|error| scene.mesh_error(Problem::Surface(error)))?;
+            ContactGeometry::new(scene.surface, &surface).map_err(|error| scene.error(Problem::Surface(error)))?;
         let mut start = network.rest_state();
         if scene.settle {
-            start.x = settle(&network).map_err(|error| scene.settle_error(error))?;
+            start.x = settle(&network).map_err(|error| scene.error(Problem::Settle(error)))?;
         }
-        let builder = LocalModelBuilder::new(&network, surface.clone(), geometry, scene.local)
-            .with_integrator(scene.integrator, scene.tick);
+        let builder = LocalModelBuilder::new(&network, surface.clone(), geometry, scene.local())
+            .with_integrator(scene.integrator, scene.tick_s());
         let cycle = CycleSettings {
             sync: scene.global.sync,
             integrator: scene.global.integrator,
             substeps: scene.global.substeps,
             threads: scene.global.threads,
-            ticks: scene.ticks_per_cycle,
-            tick: scene.tick,
+            ticks_per_cycle: scene.ticks_per_cycle(),
+            tick_s: scene.tick_s(),
             metric: scene.contact.scheme.overwrite_metric(),
         };
         let mut global = GlobalSimulation::new(cycle, network.clone(), surface.clone(), builder, start);
 
-        let instrument = Instrument::new(&scene.instrument, &scene.path, scene.tick)
-            .map_err(|error| scene.instrument_error(error))?;
+        let instrument = Instrument::new(&scene.instrument, &scene.path, scene.tick_s())
+            .map_err(|error| scene.error(Problem::Instrument { key: "instrument", error }))?;
         let smoothing = HandOverSmoothing::new(scene.smoothing_ticks);
         let tip = instrument.start();
         let ModelMessage { model, state } =
-            global.build_model(tip).map_err(|error| scene.mesh_error(Problem::Model(error)))?;
-        let local = LocalSimulation::new(scene.contact, scene.tick, model, state);
+            global.build_model(tip).map_err(|error| scene.error(Problem::Model(error)))?;
+        let local = LocalSimulation::new(scene.contact, scene.tick_s(), model, state);
         let distance = local.shape().signed_distance(tip);
         if !(distance >= -START_TOLERANCE) {
-            return Err(scene.tip_inside(-distance));
+            return Err(scene.error(Problem::TipInside { depth_m: -distance }));
         }
-        let replays = scene.global.sync == SyncMode::Replay && scene.local.extent != Extent::All;
+        let replays = scene.global.sync == SyncMode::Replay && scene.local().extent != Extent::All;
         let bounds = Bounds::new(&network.rest);
         Ok(Self {
-            servo: Servo::new(local, instrument, smoothing, FailSafe::new(bounds), scene.tick),
+            servo: Servo::new(local, instrument, smoothing, FailSafe::new(bounds), scene.tick_s()),
             timeline: scene.timeline(),
             global: GlobalSide { simulation: global, network: network.clone(), bounds },
             network,
             surface,
-            tick: scene.tick,
-            tick_count: scene.tick_count,
-            ticks_per_cycle: u64::from(scene.ticks_per_cycle),
+            tick_s: scene.tick_s(),
+            tick_count: scene.tick_count(),
+            ticks_per_cycle: u64::from(scene.ticks_per_cycle()),
             keep: if replays { Keep::Path } else { Keep::End },
-            is_full: scene.is_full,
+            is_full: scene.is_full(),
         })
     }
 
@@ -354,8 +354,7 @@ impl Simulation {
 /// ```
 /// use stickslip::{pipeline::{Lockstep, Simulation}, scene::Scene};
 ///
-/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// scene.tick_count = 120;
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(120);
 /// let mut run = Lockstep::new(Simulation::prepare(&scene)?);
 /// let mut ticks = 0;
 /// while run.begin_tick(&mut |_| ())? {
@@ -434,7 +433,7 @@ impl Lockstep {
         mark: &mut impl FnMut(Moment),
         observe: &mut impl FnMut(&TickView),
     ) -> Result<(), Fault> {
-        let Simulation { global, network, servo, timeline, tick: step, is_full, .. } = &mut self.simulation;
+        let Simulation { global, network, servo, timeline, tick_s: step, is_full, .. } = &mut self.simulation;
         let fate = timeline.fate(servo.next_tick());
         mark(Moment::TickBegins);
         let done = servo.tick(fate)?;

@@ -8,8 +8,8 @@ use super::subdivision::{LARGEST_SUPPORT, LimitSurface};
 use crate::model::local::LocalModel;
 use crate::model::patch::OUTSIDE;
 use crate::model::surface::{Surface, SurfaceError};
-use crate::{Mat3, Vec3};
 use crate::word::words;
+use crate::{Mat3, Vec3};
 
 /// Which surface the tip feels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

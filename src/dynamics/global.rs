@@ -41,9 +41,9 @@ pub struct CycleSettings {
     /// Threads that share them.
     pub threads: Threads,
     /// Ticks per cycle.
-    pub ticks: u32,
+    pub ticks_per_cycle: u32,
     /// h, s.
-    pub tick: f64,
+    pub tick_s: f64,
     /// The inner product of P under [`SyncMode::Overwrite`].
     pub metric: Metric,
 }
@@ -82,7 +82,7 @@ pub struct ModelMessage {
 /// let mut trajectory = Trajectory::new(Keep::Path);
 /// trajectory.begin_at(&[node], &[start], &[speed], 0, 100);
 /// for tick in 1..=100 {
-///     trajectory.record_at(&[start + speed * (f64::from(tick) * scene.tick)], &[speed]);
+///     trajectory.record_at(&[start + speed * (f64::from(tick) * scene.tick_s())], &[speed]);
 /// }
 /// global.catch_up(&CycleMessage { trajectory, contact: None, tip: start })?;
 /// let x = &global.state().x;
@@ -372,7 +372,7 @@ impl GlobalSimulation {
 
     fn replay(&mut self, trajectory: &Trajectory) {
         if trajectory.keep == Keep::Path {
-            let CycleSettings { ticks, substeps, .. } = self.settings;
+            let CycleSettings { ticks_per_cycle: ticks, substeps, .. } = self.settings;
             self.integrate(|substep| Replayed { trajectory, substep, ticks, substeps });
         }
         trajectory.finish(&mut self.state);
@@ -401,8 +401,9 @@ impl GlobalSimulation {
     }
 
     fn integrate<C: Constraint>(&mut self, constraint: impl Fn(u32) -> C + Sync) {
-        let CycleSettings { integrator, substeps, ticks, tick, threads, .. } = self.settings;
-        let steps = Steps { length: f64::from(ticks) * tick / f64::from(substeps), count: substeps, threads };
+        let CycleSettings { integrator, substeps, ticks_per_cycle, tick_s, threads, .. } = self.settings;
+        let steps =
+            Steps { length: f64::from(ticks_per_cycle) * tick_s / f64::from(substeps), count: substeps, threads };
         self.stepper.steps(integrator, &self.network, &mut self.state, steps, constraint);
     }
 }

@@ -20,8 +20,8 @@ use super::elimination::{BlockPlace, Couplings, Elimination, FactorCost, NotDefi
 use super::network::Network;
 use super::patch::Patch;
 use super::springs::{Spring, TangentKind};
-use crate::{Mat3, Vec3};
 use crate::word::words;
+use crate::{Mat3, Vec3};
 
 /// Edge of a cell of the coarse grid, in lengths of a spring.
 const COARSENING: f64 = 4.0;

@@ -167,13 +167,14 @@ enum LocalForces {
 /// What moves: one entry per patch slot, then one per boundary slot.
 ///
 /// ```
-/// use stickslip::{Vec3, model::patch::Extent, pipeline::Simulation, scene::Scene};
+/// use stickslip::model::{local::LocalSettings, patch::Extent};
+/// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
 ///
 /// // A larger patch takes over from a smaller one: nodes of both go on from where they are.
-/// let mut scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
+/// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
 /// let (_, before) = Simulation::prepare(&scene)?.into_sides();
-/// scene.local.extent = Extent::Rings(2);
-/// let (_, after) = Simulation::prepare(&scene)?.into_sides();
+/// let two_rings = LocalSettings { extent: Extent::Rings(2), ..scene.local() };
+/// let (_, after) = Simulation::prepare(&scene.with_local_model(two_rings))?.into_sides();
 /// let (small, large) = (&before.model().patch, &after.model().patch);
 /// let (mut left, mut taken) = (before.state().clone(), after.state().clone());
 /// left.x[5] += Vec3::z() * 1e-3;
@@ -223,7 +224,7 @@ pub struct LocalState {
 ///     exterior: ExteriorKind::Drifting,
 /// };
 /// let mut builder = LocalModelBuilder::new(network, surface, ContactGeometry::Faceted, settings)
-///     .with_integrator(LocalIntegrator::ImplicitEuler, scene.tick);
+///     .with_integrator(LocalIntegrator::ImplicitEuler, scene.tick_s());
 ///
 /// // The whole network sinks with 10 mm/s: so does the exterior of its model.
 /// let mut sinking = network.rest_state();

@@ -10,8 +10,8 @@ use std::ops::Range;
 use pulp::Arch;
 
 use super::columns::Columns;
-use crate::{Mat3, Vec3};
 use crate::word::words;
+use crate::{Mat3, Vec3};
 use sweep::{Constants, LANES, LENGTH_SQUARED_FLOOR, Packet, Rows, Section, sweep};
 
 /// One spring, as a value.

@@ -24,8 +24,8 @@ use nalgebra::{DMatrix, DVector};
 use super::linearization::LinearForces;
 use super::local::ModelError;
 use crate::contact::operators::Support;
-use crate::{Mat3, Vec3};
 use crate::word::words;
+use crate::{Mat3, Vec3};
 
 /// How the local model is integrated.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -1,7 +1,10 @@
 //! Scenes built in Rust.
 
 use super::check::{covering_ticks, positive, ticks_per_cycle, whole_ticks};
-use super::{DEFAULT_GLOBAL_RATE_HZ, DEFAULT_LOCAL_RATE_HZ, GlobalSettings, MeshSource, Problem, Scene, SceneError, Schedule, check};
+use super::{
+    DEFAULT_GLOBAL_RATE_HZ, DEFAULT_LOCAL_RATE_HZ, GlobalSettings, MeshSource, Problem, Scene, SceneError, Schedule,
+    check,
+};
 use crate::contact::law::Law;
 use crate::contact::surface::ContactSurface;
 use crate::contact::tick::{ContactRules, Scheme, Wall};
@@ -132,6 +135,18 @@ impl Scene {
         let key = "global.rate";
         let ticks = positive(key, rate_hz).and_then(|rate| ticks_per_cycle(key, self.local_rate_hz, rate));
         Ok(Self { ticks_per_cycle: ticks.map_err(refused)?, ..self })
+    }
+
+    /// The same with another length of global cycles, in ticks of the local loop. The number of steps in a cycle stays.
+    pub fn with_ticks_per_cycle(self, ticks_per_cycle: u32) -> Self {
+        Self { ticks_per_cycle, ..self }
+    }
+
+    /// The same in slower time: its ticks, deadline and path take `factor` times as long. Numbers of ticks stay.
+    pub fn with_slower_time(self, factor: f64) -> Self {
+        let deadline = Deadline { after: self.deadline.after * factor, ..self.deadline };
+        let path = self.path.transformed(factor, |position| position);
+        Self { local_rate_hz: self.local_rate_hz / factor, deadline, path, ..self }
     }
 
     /// The same with another local model beside the network.

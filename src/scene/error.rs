@@ -198,9 +198,7 @@ impl Problem {
             }
             Problem::MeshFile(error) => return Some(error.problem().advice().to_string()),
             Problem::TooLarge { .. } => "give fewer nodes (at most 2³² − 2), fewer rings or a shorter duration",
-            Problem::TipInside { .. } => {
-                "start the tip outside: the first waypoint decides where it is at t = 0"
-            }
+            Problem::TipInside { .. } => "start the tip outside: the first waypoint decides where it is at t = 0",
             Problem::Material { error, .. } => match error {
                 MaterialError::NoShear => "give another `mesh.stencil`, or `material.stiffness`",
                 MaterialError::NoVolume => "give a mesh of tetrahedra, or `material.stiffness` instead",
@@ -225,7 +223,8 @@ impl Problem {
 /// use stickslip::scene::{Problem, Scene};
 ///
 /// let scene = Scene::shipped("fig5-stick-slip").expect("shipped with the program");
-/// let inside = scene.text().replace("0.002]", "-0.002]"); // where the tip starts, under the block's top
+/// let text = scene.text().expect("it was read");
+/// let inside = text.replace("0.002]", "-0.002]"); // where the tip starts, under the block's top
 /// let error = Scene::parse(&inside, "inside.toml".as_ref())
 ///     .and_then(|scene| stickslip::pipeline::Simulation::prepare(&scene))
 ///     .expect_err("a tip that starts inside");

@@ -1,7 +1,6 @@
 //! The scene file as written: keys and the types of their values. What values mean is decided in [`super::read`], which
 //! go together in [`super::check`].
 
-use serde::Deserialize;
 use super::Schedule;
 use super::words::*;
 use crate::contact::operators::Metric;
@@ -15,6 +14,7 @@ use crate::model::mesh::Stencil;
 use crate::model::springs::TangentKind;
 use crate::model::step::LocalIntegrator;
 use crate::timeline::OverrunPolicy;
+use serde::Deserialize;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -91,7 +91,9 @@ pub(super) fn fits(key: &'static str, size: &Size, run: Run) -> Result<(), Probl
     // Positions and velocities of every tick of a cycle, for the replay.
     let recorded = match local.extent {
         Extent::All => 0,
-        Extent::Rings(_) => patch.saturating_mul(u128::from(ticks.min(u64::from(ticks_per_cycle))) + 1).saturating_mul(2 * 24),
+        Extent::Rings(_) => {
+            patch.saturating_mul(u128::from(ticks.min(u64::from(ticks_per_cycle))) + 1).saturating_mul(2 * 24)
+        }
     };
     let factor = match local.exterior {
         ExteriorKind::Fixed | ExteriorKind::Drifting => 0,

@@ -142,11 +142,7 @@ impl Scene {
                 self.costs.is_some(),
                 "there is no `timing.tick_cost` and no `timing.model_cost`".to_owned(),
             ),
-            part(
-                "threads and the real clock",
-                self.schedule == Schedule::Threads,
-                schedule_is,
-            ),
+            part("threads and the real clock", self.schedule == Schedule::Threads, schedule_is),
             part(
                 "smoothing of forces at hand-overs",
                 self.smoothing_ticks > 0,

@@ -72,7 +72,7 @@ fn assemble(file: SceneFile, folder: &Path) -> Read<Scene> {
     let local = local::local(&file.local)?;
     let integrator = file.local.integrator.unwrap_or_default();
     let size = check::Run { local: &local, integrator, ticks: tick_count, ticks_per_cycle };
-    let (mesh, fixed) = mesh::mesh(&file.mesh, folder, &size)?;
+    let (mesh, fixed) = mesh::mesh(&file.mesh, folder, size)?;
     let material = material::material(&file.material, &mesh)?;
     let schedule = file.run.schedule;
     let tick_s = 1.0 / local_rate_hz;

@@ -13,7 +13,6 @@ use crate::contact::law::Law;
 use crate::contact::surface::ContactSurface;
 use crate::contact::tick::Scheme;
 use crate::device::failsafe::{Cause, Fault};
-use crate::model::local::LocalSettings;
 use crate::model::mesh::{Block, Mesh, Stencil};
 use crate::pipeline::Simulation;
 use crate::scene::{MeshSource, Scene, SceneError};
@@ -444,7 +443,7 @@ fn pressed_at_the_end_whole(scene: &mut Scene) {
 
 /// The whole network at the local rate.
 fn whole(scene: &mut Scene) {
-    (scene.local, scene.is_full) = (LocalSettings::FULL, true);
+    *scene = scene.clone().with_full_model();
 }
 
 fn sliding(scene: &mut Scene) {
@@ -459,6 +458,5 @@ fn sticking(scene: &mut Scene) {
 fn softer_and_slower(scene: &mut Scene) {
     scene.material.stiffness /= 1e6;
     scene.material.damping /= 1e3;
-    scene.tick *= 1e3;
-    scene.path = scene.path.transformed(1e3, |x| x);
+    *scene = scene.clone().with_slower_time(1e3);
 }

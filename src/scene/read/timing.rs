@@ -8,8 +8,7 @@ use crate::timeline::{Cost, Costs, Deadline};
 
 pub(super) fn timing(timing: &TimingTable, schedule: Schedule, tick_s: f64) -> Read<(Deadline, Option<Costs>)> {
     let TimingTable { tick_cost, model_cost, deadline, overrun, seed } = timing;
-    let is_seeded =
-        |cost: &Option<CostValue>| matches!(cost, Some(CostValue::LogNormal(_) | CostValue::Rare(_)));
+    let is_seeded = |cost: &Option<CostValue>| matches!(cost, Some(CostValue::LogNormal(_) | CostValue::Rare(_)));
     match schedule {
         Schedule::Threads => {
             no_effect("timing.tick_cost", tick_cost.is_some(), IN_REAL_TIME)?;
