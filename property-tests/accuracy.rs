@@ -5,9 +5,9 @@ use stickslip::model::local::{ExteriorKind, Linearization, LocalSettings};
 use stickslip::model::patch::Extent;
 use stickslip::model::springs::TangentKind;
 use stickslip::model::step::LocalIntegrator;
-use stickslip::scene::Scene;
+use stickslip::scene::{Rings, Scene};
 use stickslip::verify::accuracy::{
-    Assessment, Coverage, Method, PAPER, PAPER_RATE_HZ, Reference, Rings, Status, Touching, grid,
+    Assessment, Coverage, Method, PAPER, PAPER_RATE_HZ, Reference, Status, Touching, grid,
 };
 
 use crate::check::{PRESS_AND_DRAG, Worst, shipped, small_scene};

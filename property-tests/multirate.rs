@@ -4,8 +4,7 @@
 use stickslip::Vec3;
 use stickslip::dynamics::global::{CycleMessage, Keep, SyncMode, Trajectory};
 use stickslip::dynamics::integrators::GlobalIntegrator;
-use stickslip::model::local::{ExteriorKind, Linearization, LocalSettings};
-use stickslip::model::patch::Extent;
+use stickslip::model::local::{Linearization, LocalSettings};
 use stickslip::model::springs::TangentKind;
 use stickslip::pipeline::{self, Simulation};
 use stickslip::scene::Scene;
