@@ -1,10 +1,10 @@
 //! The engine of `stickslip accuracy`: what local models are off, and what it says of those that fail.
 
-use stickslip::model::condensation::{Condensation, Reach};
-use stickslip::model::local::{ExteriorKind, Linearization, LocalSettings};
-use stickslip::model::patch::Extent;
+use stickslip::local::condensation::{Condensation, Reach};
+use stickslip::local::model::{ExteriorKind, Linearization, LocalSettings};
+use stickslip::local::patch::Extent;
+use stickslip::local::step::LocalIntegrator;
 use stickslip::model::springs::TangentKind;
-use stickslip::model::step::LocalIntegrator;
 use stickslip::scene::{Rings, Scene};
 use stickslip::verify::accuracy::{
     Assessment, Coverage, Method, PAPER, PAPER_RATE_HZ, Reference, Status, Touching, grid,

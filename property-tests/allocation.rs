@@ -7,11 +7,11 @@ use std::cell::Cell;
 use stickslip::Vec3;
 use stickslip::contact::law::{Law, Mode};
 use stickslip::device::coupling::{CouplingSettings, HandOverSmoothing, PassivityController, VirtualCoupling};
-use stickslip::device::instrument::{TipPath, Waypoint};
+use stickslip::device::path::{TipPath, Waypoint};
 use stickslip::device::phantom::{Phantom, PhantomSettings};
+use stickslip::multirate::timeline::{Fate, OverrunPolicy};
 use stickslip::pipeline::Simulation;
 use stickslip::scene::Scene;
-use stickslip::timeline::{Fate, OverrunPolicy};
 
 struct Counting;
 
@@ -79,7 +79,7 @@ fn a_hundred_thousand_ticks_allocate_nothing() {
                 "allocation.toml".as_ref(),
             )
             .expect("a scene");
-            let (_, mut local) = Simulation::prepare(&scene).expect("it starts outside").into_sides();
+            let mut local = Simulation::prepare(&scene).expect("it starts outside").into_sides().servo.into_local();
             let mut seen = [0_u64; 4];
             let (mut collisions, mut releases, mut tension, mut crossings) = (0, 0, 0, 0);
             let mut triangle = None;
@@ -155,7 +155,7 @@ fn a_servo_tick_with_a_device_allocates_nothing() {
     let text = include_str!("../fixtures/closed-loop/stick-slip-by-hand.toml")
         .replace("kind = ", "smoothing_ticks = 20\npassivity_control = true\ncoupling = {}\nkind = ");
     let scene = Scene::parse(&text, "allocation.toml".as_ref()).expect("a scene");
-    let (mut servo, _) = Simulation::prepare(&scene).expect("it starts outside").into_loops();
+    let mut servo = Simulation::prepare(&scene).expect("it starts outside").into_sides().servo;
     let mut touching = 0;
     let count = allocations(|| {
         for tick in 0..1000 {

@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use stickslip::Vec3;
 use stickslip::contact::law::Mode;
 use stickslip::device::coupled::DeviceView;
-use stickslip::device::instrument::{InstrumentKind, TipPath, Waypoint};
+use stickslip::device::instrument::InstrumentKind;
+use stickslip::device::path::{TipPath, Waypoint};
 use stickslip::device::phantom::dynamics::JointSettings;
 use stickslip::device::phantom::kinematics::{FORE_LINK, UPPER_LINK, inverse};
 use stickslip::device::phantom::{Axes, Phantom, PhantomSettings};
+use stickslip::multirate::timeline::{Cost, Costs, OverrunPolicy};
 use stickslip::pipeline::Simulation;
 use stickslip::scene::{Problem, Scene};
-use stickslip::timeline::{Cost, Costs, OverrunPolicy};
 
 use crate::check::Worst;
 

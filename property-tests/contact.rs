@@ -6,16 +6,18 @@ use std::sync::Arc;
 use stickslip::Vec3;
 use stickslip::contact::law::{Law, Mode};
 use stickslip::contact::nearest::nearest_on_triangle;
-use stickslip::contact::operators::{Metric, Support};
-use stickslip::contact::surface::{ContactGeometry, ContactPoint, ContactSurface, Projection, Shape, Visited};
-use stickslip::contact::tick::{Deformation, Scheme};
-use stickslip::device::failsafe::Cause;
-use stickslip::model::local::{LocalModelBuilder, LocalSettings};
+use stickslip::contact::rules::{Deformation, Scheme};
+use stickslip::contact::shape::{Projection, Shape, Visited};
+use stickslip::local::model::{LocalModelBuilder, LocalSettings};
 use stickslip::model::mesh::{Block, Stencil};
-use stickslip::model::network::{Material, Network, State};
-use stickslip::model::surface::Surface;
+use stickslip::model::network::{Material, Network};
+use stickslip::model::state::State;
+use stickslip::model::topology::Surface;
+use stickslip::multirate::failsafe::Cause;
 use stickslip::pipeline;
 use stickslip::scene::{Expectation, SHIPPED, Scene};
+use stickslip::surface::geometry::{ContactPoint, ContactSurface, SurfaceModel};
+use stickslip::surface::support::{Metric, Support};
 
 use crate::check::{PRESS_AND_DRAG, Run, Worst, run, runner, scene, shipped, small_scene};
 
@@ -94,8 +96,9 @@ fn deep_drags_on_the_full_network_keep_contact_without_jumps() {
 /// to three digits.
 #[test]
 fn errors_of_local_models_are_those_of_an_independent_trial() {
-    use stickslip::model::local::{ExteriorKind, Linearization};
-    use stickslip::model::{patch::Extent, springs::TangentKind};
+    use stickslip::local::model::{ExteriorKind, Linearization};
+    use stickslip::local::patch::Extent;
+    use stickslip::model::springs::TangentKind;
     let worst = Worst::new("numpy trial", "force error of local models (3 digits)", 0.0006);
     let expected =
         [("deep-sliding", [0.100, 0.039]), ("deep-sticking", [0.252, 0.133]), ("deep-stick-slip", [0.149, 0.067])];
@@ -362,12 +365,12 @@ impl Dent {
     }
 
     fn with_shape<T>(&self, kind: ContactSurface, use_shape: impl FnOnce(Shape) -> T) -> T {
-        let geometry = ContactGeometry::new(kind, &self.surface).expect("a block has no crowded triangle");
-        let settings = LocalSettings { extent: stickslip::model::patch::Extent::Rings(1), ..LocalSettings::FULL };
-        let mut builder = LocalModelBuilder::new(&self.network, self.surface.clone(), geometry, settings);
+        let surface = SurfaceModel::new(kind, self.surface.clone()).expect("a block has no crowded triangle");
+        let settings = LocalSettings { extent: stickslip::local::patch::Extent::Rings(1), ..LocalSettings::FULL };
+        let mut builder = LocalModelBuilder::new(&self.network, surface.clone(), settings);
         let (model, local) =
             builder.build(&self.network, &self.state, Vec3::zeros(), None).expect("explicit steps need no solution");
-        use_shape(Shape { model: &model, x: &local.x, elapsed: 0.0 })
+        use_shape(Shape { surface: &surface, model: &model, x: &local.x, elapsed: 0.0 })
     }
 
     fn corners(&self, triangle: u32) -> [Vec3; 3] {

@@ -2,8 +2,9 @@
 
 use stickslip::Vec3;
 use stickslip::contact::law::Mode;
-use stickslip::device::failsafe::{Cause, Fault};
-use stickslip::dynamics::global::{CycleMessage, Keep, Trajectory};
+use stickslip::multirate::failsafe::{Cause, Fault};
+use stickslip::multirate::messages::CycleMessage;
+use stickslip::multirate::trajectory::{Keep, Trajectory};
 use stickslip::pipeline::Simulation;
 use stickslip::verify::extremes::{EXTREMES, Expected, Extreme, FaultKind, Got, Quantity, Variant};
 
@@ -79,10 +80,11 @@ fn no_expectation_is_met_by_a_panic_a_hang_or_nan() {
 fn rest_is_a_fixed_point_of_tick_and_cycle() {
     for variant in Variant::ALL {
         let scene = extreme("rest-60s").scene(variant).expect("a scene");
-        let (mut global, mut local) = Simulation::prepare(&scene).expect("it starts").into_sides();
+        let sides = Simulation::prepare(&scene).expect("it starts").into_sides();
+        let (mut global, mut local) = (sides.global.into_simulation(), sides.servo.into_local());
         let tip = scene.path.at(0.0);
         let bits = |values: &[Vec3]| values.iter().flat_map(|v| v.iter().map(|c| c.to_bits())).collect::<Vec<_>>();
-        let whole = |state: &stickslip::model::network::State| (bits(&state.x), bits(&state.v));
+        let whole = |state: &stickslip::model::state::State| (bits(&state.x), bits(&state.v));
         let (start, network) = (local.state().clone(), whole(global.state()));
         for _ in 0..3 {
             let mut trajectory = Trajectory::new(Keep::Path);

@@ -4,24 +4,25 @@
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
 use stickslip::contact::law::{Law, Mode};
-use stickslip::contact::operators::{Metric, Support};
-use stickslip::contact::surface::{ContactGeometry, ContactSurface};
-use stickslip::contact::tick::Scheme;
-use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper, Unconstrained};
+use stickslip::contact::rules::Scheme;
+use stickslip::dynamics::constraint::Unconstrained;
+use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper};
 use stickslip::dynamics::stability::explicit_step_limit;
-use stickslip::model::linearization::LinearForces;
-use stickslip::model::local::{
-    ExteriorKind, Linearization, LocalModel, LocalModelBuilder, LocalSettings, LocalState, ModelError,
-};
+use stickslip::local::error::ModelError;
+use stickslip::local::linearization::LinearForces;
+use stickslip::local::model::{ExteriorKind, Linearization, LocalModel, LocalModelBuilder, LocalSettings, LocalState};
+use stickslip::local::patch::{Extent, PatchSelector};
+use stickslip::local::step::{ContactResponse, LinearStep, LocalIntegrator};
 use stickslip::model::mesh::{Block, Stencil};
-use stickslip::model::network::{Material, Network, State};
-use stickslip::model::patch::{Extent, PatchSelector};
+use stickslip::model::network::{Material, Network};
 use stickslip::model::springs::{Spring, TangentKind};
-use stickslip::model::step::{ContactResponse, LinearStep, LocalIntegrator};
-use stickslip::model::surface::Surface;
+use stickslip::model::state::State;
+use stickslip::model::topology::Surface;
 use stickslip::output::summary::Recorder;
 use stickslip::pipeline::{self, TickView};
 use stickslip::scene::Scene;
+use stickslip::surface::geometry::{ContactSurface, SurfaceModel};
+use stickslip::surface::support::{Metric, Support};
 use stickslip::{Mat3, Vec3};
 
 use crate::check::{Worst, scene, shipped};
@@ -72,7 +73,7 @@ fn moving(setup: Setup, integrator: LocalIntegrator, h: f64) -> (LocalModel, Loc
     }
     let surface = Arc::new(Surface::new(&mesh).expect("a block has a surface"));
     let settings = LocalSettings { extent: Extent::Rings(1), linearization: Linearization::Tangent(tangent), exterior };
-    LocalModelBuilder::new(&network, surface, ContactGeometry::Faceted, settings)
+    LocalModelBuilder::new(&network, SurfaceModel::faceted(surface), settings)
         .with_integrator(integrator, h)
         .build(&network, &state, state.x[count - 8], None)
         .expect("its step has a solution")

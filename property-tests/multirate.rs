@@ -2,10 +2,12 @@
 //! model is the network itself.
 
 use stickslip::Vec3;
-use stickslip::dynamics::global::{CycleMessage, Keep, SyncMode, Trajectory};
 use stickslip::dynamics::integrators::GlobalIntegrator;
-use stickslip::model::local::{Linearization, LocalSettings};
+use stickslip::local::model::{Linearization, LocalSettings};
 use stickslip::model::springs::TangentKind;
+use stickslip::multirate::global::SyncMode;
+use stickslip::multirate::messages::CycleMessage;
+use stickslip::multirate::trajectory::{Keep, Trajectory};
 use stickslip::pipeline::{self, Simulation};
 use stickslip::scene::Scene;
 
@@ -150,7 +152,8 @@ fn a_path_with_gaps_is_replayed_as_far_as_it_goes() {
     let ticks = scene.ticks_per_cycle() as usize;
     for keep in [Keep::Path, Keep::End] {
         for recorded in [0, 1, ticks - 1] {
-            let (mut global, local) = Simulation::prepare(&scene).expect("it starts").into_sides();
+            let sides = Simulation::prepare(&scene).expect("it starts").into_sides();
+            let (mut global, local) = (sides.global.into_simulation(), sides.servo.into_local());
             let m = local.model().patch.len();
             let mut trajectory = Trajectory::new(keep);
             trajectory.begin(local.model(), local.state(), 0, ticks);

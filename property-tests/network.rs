@@ -2,11 +2,13 @@
 
 use nalgebra::DMatrix;
 use stickslip::Vec3;
-use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper, Unconstrained};
+use stickslip::dynamics::constraint::Unconstrained;
+use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper};
 use stickslip::model::material::PerSpring;
 use stickslip::model::mesh::{Block, Stencil};
-use stickslip::model::network::{Material, Network, NetworkError, State};
+use stickslip::model::network::{Material, Network, NetworkError};
 use stickslip::model::springs::Spring;
+use stickslip::model::state::State;
 use stickslip::pipeline::Simulation;
 use stickslip::scene::{Problem, Scene};
 

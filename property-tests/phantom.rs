@@ -2,7 +2,7 @@
 
 use nalgebra::SMatrix;
 use proptest::prelude::*;
-use stickslip::device::instrument::{TipPath, Waypoint};
+use stickslip::device::path::{TipPath, Waypoint};
 use stickslip::device::phantom::actuation::ActuationSettings;
 use stickslip::device::phantom::dynamics::{JointSettings, coriolis, gravity};
 use stickslip::device::phantom::kinematics::{

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use stickslip::Vec3;
-use stickslip::device::instrument::{TipPath, Waypoint};
+use stickslip::device::path::{TipPath, Waypoint};
 use stickslip::device::phantom::dynamics::{JointSettings, gravity};
 use stickslip::device::phantom::hand::HandSettings;
 use stickslip::device::phantom::kinematics::tip_force;

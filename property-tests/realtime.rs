@@ -4,9 +4,9 @@
 use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 
+use stickslip::multirate::timeline::{Fate, OverrunPolicy};
 use stickslip::pipeline::Simulation;
 use stickslip::realtime::allocations::{self, Counting};
-use stickslip::realtime::certificate::{Certificate, Circumstances, Verdict, WorstTick};
 use stickslip::realtime::channel::channel;
 use stickslip::realtime::machine::Machine;
 use stickslip::realtime::meter::{Meter, TickTimes};
@@ -14,8 +14,8 @@ use stickslip::realtime::record::{Recorded, record};
 use stickslip::realtime::threads::{Obtained, Served, Window};
 use stickslip::scene::Scene;
 use stickslip::session::{RecordedPass, Replayed, Session, Why, replay};
-use stickslip::timeline::{Fate, OverrunPolicy};
 use stickslip::verify::certificate::causes::Cause;
+use stickslip::verify::certificate::verdict::{Certificate, Circumstances, Verdict, WorstTick};
 use stickslip::verify::lateness::consequences;
 
 #[global_allocator]
@@ -250,7 +250,7 @@ fn misses_are_counted_exactly_and_explained_one_by_one() {
 fn a_ring_that_is_full_counts_what_it_loses_and_waits_for_nobody() {
     let simulation = Simulation::prepare(&scene("")).expect("it starts");
     let keep = simulation.keeps();
-    let (mut servo, _) = simulation.into_loops();
+    let mut servo = simulation.into_sides().servo;
     let nodes = servo.local().model().patch.nodes.clone();
     let (mut up, mut down) = channel(10, keep, &nodes);
     up.begin_pass(0, &servo);

@@ -3,11 +3,11 @@
 
 use stickslip::Vec3;
 use stickslip::contact::law::{Law, Mode};
-use stickslip::contact::surface::ContactSurface;
-use stickslip::contact::tick::Scheme;
-use stickslip::device::instrument::{TipPath, Waypoint};
+use stickslip::contact::rules::Scheme;
+use stickslip::device::path::{TipPath, Waypoint};
 use stickslip::pipeline::{self, TickView};
 use stickslip::scene::Scene;
+use stickslip::surface::geometry::ContactSurface;
 use stickslip::verify::surfaces::{self, Felt};
 
 use crate::check::{Worst, shipped};

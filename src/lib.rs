@@ -59,15 +59,17 @@ pub mod mesh_file;
 
 pub mod model;
 
-pub mod contact;
+pub mod surface;
 
 pub mod dynamics;
 
+pub mod local;
+
+pub mod contact;
+
 pub mod device;
 
-pub mod servo;
-
-pub mod timeline;
+pub mod multirate;
 
 pub mod pipeline;
 

@@ -8,27 +8,29 @@ use thiserror::Error;
 
 use crate::Vec3;
 use crate::contact::collision::START_TOLERANCE;
-use crate::contact::surface::ContactGeometry;
-use crate::contact::tick::{LocalSimulation, TickReport};
+use crate::contact::report::TickReport;
+use crate::contact::simulation::LocalSimulation;
 use crate::device::coupled::{CoupledPhantom, DeviceView};
 use crate::device::coupling::HandOverSmoothing;
-use crate::device::failsafe::{Bounds, Cause, FailSafe, Fault};
 use crate::device::instrument::Instrument;
-use crate::dynamics::energy::EnergyBook;
-use crate::dynamics::global::{
-    CycleMessage, CycleSettings, GlobalSimulation, Keep, ModelMessage, SyncMode, Trajectory,
-};
 use crate::dynamics::settle::settle;
-use crate::model::condensation::CondensationCounts;
-use crate::model::local::LocalModelBuilder;
+use crate::local::condensation::CondensationCounts;
+use crate::local::model::LocalModelBuilder;
+use crate::local::patch::Extent;
 use crate::model::mesh::Mesh;
-use crate::model::network::{Network, State};
-use crate::model::patch::Extent;
-use crate::model::surface::Surface;
+use crate::model::network::Network;
+use crate::model::state::State;
+use crate::model::topology::Surface;
 use crate::model::work::WorkCounts;
+use crate::multirate::energy::EnergyBook;
+use crate::multirate::failsafe::{Bounds, Cause, FailSafe, Fault};
+use crate::multirate::global::{CycleSettings, GlobalSide, GlobalSimulation, Moment, SyncMode};
+use crate::multirate::messages::{CycleMessage, ModelMessage};
+use crate::multirate::servo::Servo;
+use crate::multirate::timeline::{Arrival, Fate, Timeline};
+use crate::multirate::trajectory::{Keep, Trajectory};
 use crate::scene::{Problem, Scene, SceneError};
-use crate::servo::Servo;
-use crate::timeline::{Arrival, Fate, Timeline};
+use crate::surface::geometry::SurfaceModel;
 
 /// Why a run did not complete.
 #[derive(Debug, Error)]
@@ -102,80 +104,23 @@ impl TickView<'_> {
     }
 }
 
-/// Where the schedule is, for whoever keeps time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Moment {
-    /// The network is about to catch up with the cycle just past.
-    CycleBegins,
-    /// It has; its next local model is about to be built.
-    ModelBegins,
-    /// The model is there.
-    ModelEnds,
-    /// The local side is about to do a tick.
-    TickBegins,
-    /// It has.
-    TickEnds,
-}
-
-/// The global side with its watch: what comes down is a model, or the cause why there is none.
-///
-/// ```
-/// use stickslip::{pipeline::{Moment, Simulation}, scene::Scene};
-///
-/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// let (_, mut global) = Simulation::prepare(&scene)?.into_loops();
-/// // No cycle has passed: the next model, below a tip at the origin, is built from the state of the start.
-/// let mut moments = Vec::new();
-/// let message = global.next_model([], &mut |moment| moments.push(moment))?;
-/// assert_eq!(moments, [Moment::CycleBegins, Moment::ModelBegins, Moment::ModelEnds]);
-/// let (start, patch) = (global.simulation().state(), &message.model.patch);
-/// assert!(patch.nodes.iter().zip(&message.state.x).all(|(&node, x)| *x == start.x[node as usize]));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
+/// The two sides of a simulation, ready for another schedule than lockstep.
 #[derive(Debug, Clone)]
-pub struct GlobalSide {
-    simulation: GlobalSimulation,
-    network: Arc<Network>,
-    bounds: Bounds,
-}
-
-impl GlobalSide {
-    /// The global simulation itself.
-    pub fn simulation(&self) -> &GlobalSimulation {
-        &self.simulation
-    }
-
-    /// Brings the network over the cycles that have passed, and builds the next local model. `mark` is told of
-    /// what begins and ends.
-    ///
-    /// # Errors
-    /// With what went wrong.
-    pub fn next_model(
-        &mut self,
-        passed: impl IntoIterator<Item = CycleMessage>,
-        mark: &mut impl FnMut(Moment),
-    ) -> Result<ModelMessage, Cause> {
-        let mut tip = Vec3::zeros();
-        mark(Moment::CycleBegins);
-        let caught_up = passed.into_iter().try_for_each(|message| {
-            tip = message.tip;
-            self.simulation.catch_up(&message)
-        });
-        mark(Moment::ModelBegins);
-        let model = caught_up.and_then(|()| self.simulation.build_model(tip));
-        mark(Moment::ModelEnds);
-        // A network that has run away has no model either: that it ran away is the cause.
-        match self.bounds.network_cause(&self.network.rest, self.simulation.state()) {
-            Some(cause) => Err(cause),
-            None => model.map_err(Cause::NoModel),
-        }
-    }
+pub struct Sides {
+    /// The local model, contact, instrument and fail-safe.
+    pub servo: Servo,
+    /// The network, its cycle, and the builder of local models.
+    pub global: GlobalSide,
 }
 
 /// A scene put together, ready to run.
 ///
 /// ```
-/// use stickslip::{contact::law::Mode, pipeline::{Moment, Simulation}, scene::Scene, timeline::Timeline};
+/// use stickslip::contact::law::Mode;
+/// use stickslip::multirate::global::Moment;
+/// use stickslip::multirate::timeline::Timeline;
+/// use stickslip::pipeline::Simulation;
+/// use stickslip::scene::Scene;
 ///
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(250);
 /// let simulation = Simulation::prepare(&scene)?;
@@ -235,13 +180,13 @@ impl Simulation {
         let network = Arc::new(network.map_err(|error| scene.error(Problem::Network(error)))?);
         let surface = Surface::new(mesh).map_err(|error| scene.error(Problem::Surface(error)))?;
         let surface = Arc::new(surface);
-        let geometry =
-            ContactGeometry::new(scene.surface, &surface).map_err(|error| scene.error(Problem::Surface(error)))?;
+        let contact_surface =
+            SurfaceModel::new(scene.surface, surface.clone()).map_err(|error| scene.error(Problem::Surface(error)))?;
         let mut start = network.rest_state();
         if scene.settle {
             start.x = settle(&network).map_err(|error| scene.error(Problem::Settle(error)))?;
         }
-        let builder = LocalModelBuilder::new(&network, surface.clone(), geometry, scene.local())
+        let builder = LocalModelBuilder::new(&network, contact_surface.clone(), scene.local())
             .with_integrator(scene.integrator, scene.tick_s());
         let cycle = CycleSettings {
             sync: scene.global.sync,
@@ -252,7 +197,7 @@ impl Simulation {
             tick_s: scene.tick_s(),
             metric: scene.contact.scheme.overwrite_metric(),
         };
-        let mut global = GlobalSimulation::new(cycle, network.clone(), surface.clone(), builder, start);
+        let mut global = GlobalSimulation::new(cycle, network.clone(), builder, start);
 
         let instrument = Instrument::new(&scene.instrument, &scene.path, scene.tick_s())
             .map_err(|error| scene.error(Problem::Instrument { key: "instrument", error }))?;
@@ -260,7 +205,7 @@ impl Simulation {
         let tip = instrument.start();
         let ModelMessage { model, state } =
             global.build_model(tip).map_err(|error| scene.error(Problem::Model(error)))?;
-        let local = LocalSimulation::new(scene.contact, scene.tick_s(), model, state);
+        let local = LocalSimulation::new(scene.contact, scene.tick_s(), contact_surface, model, state);
         let distance = local.shape().signed_distance(tip);
         if !(distance >= -START_TOLERANCE) {
             return Err(scene.error(Problem::TipInside { depth_m: -distance }));
@@ -270,7 +215,7 @@ impl Simulation {
         Ok(Self {
             servo: Servo::new(local, instrument, smoothing, FailSafe::new(bounds), scene.tick_s()),
             timeline: scene.timeline(),
-            global: GlobalSide { simulation: global, network: network.clone(), bounds },
+            global: GlobalSide::new(global, network.clone()),
             network,
             surface,
             tick_s: scene.tick_s(),
@@ -311,20 +256,15 @@ impl Simulation {
         self.global.simulation()
     }
 
-    /// The two sides with instrument and watch, for another schedule.
-    pub fn into_loops(self) -> (Servo, GlobalSide) {
-        (self.servo, self.global)
+    /// The two sides, for another schedule or a loop of one's own. (A clone of the servo side has to allocate its scratch
+    /// again in its first ticks; this one has it.)
+    pub fn into_sides(self) -> Sides {
+        Sides { servo: self.servo, global: self.global }
     }
 
     /// How much of the patch's path the global side needs; `None` if there are no cycles.
     pub fn keeps(&self) -> Option<Keep> {
         (!self.is_full).then_some(self.keep)
-    }
-
-    /// The two sides, for a loop of one's own. (A clone of the local side has to allocate its scratch
-    /// again in its first ticks; this one has it.)
-    pub fn into_sides(self) -> (GlobalSimulation, LocalSimulation) {
-        (self.global.simulation, self.servo.into_local())
     }
 
     /// Runs in lockstep: the two sides take turns in virtual time. `observe` is called after every
@@ -342,8 +282,8 @@ impl Simulation {
     /// With the fault that ended the run.
     pub fn run_timed(self, mut mark: impl FnMut(Moment), mut observe: impl FnMut(&TickView)) -> Result<(), Fault> {
         let mut run = Lockstep::new(self);
-        while run.begin_tick(&mut mark)? {
-            run.finish_tick(&mut mark, &mut observe)?;
+        while let Some(view) = run.step_timed(&mut mark)? {
+            observe(&view);
         }
         Ok(())
     }
@@ -357,10 +297,10 @@ impl Simulation {
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(120);
 /// let mut run = Lockstep::new(Simulation::prepare(&scene)?);
 /// let mut ticks = 0;
-/// while run.begin_tick(&mut |_| ())? {
-///     let from = run.servo().tip();
-///     run.finish_tick(&mut |_| (), &mut |view| assert_eq!(view.tip_before, from))?;
-///     ticks += 1;
+/// let mut tip = run.servo().tip();
+/// while let Some(view) = run.step()? {
+///     assert_eq!(view.tip_before, tip);
+///     (tip, ticks) = (view.tip, ticks + 1);
 /// }
 /// assert_eq!((ticks, run.servo().next_tick()), (120, 120));
 /// # Ok::<(), stickslip::pipeline::RunError>(())
@@ -388,16 +328,36 @@ impl Lockstep {
         run
     }
 
-    /// The servo's side: after [`begin_tick`](Self::begin_tick), ready for the tick.
+    /// The servo side after the last tick.
     pub fn servo(&self) -> &Servo {
         &self.simulation.servo
     }
 
-    /// All that comes before a tick: the boundary of a cycle, a model that is due. Whether there is a tick.
+    /// A copy of the servo side as it enters the next tick, with the model that is due then; `None` after the last tick, or
+    /// where the global side ends the run before it.
+    pub fn servo_at_next_tick(&self) -> Option<Servo> {
+        let mut ahead = self.clone();
+        matches!(ahead.begin(&mut |_| ()), Ok(true)).then_some(ahead.simulation.servo)
+    }
+
+    /// One tick, with what comes before it: the boundary of a cycle, a model that is due. `None` when the run is over.
     ///
     /// # Errors
-    /// With a fault of the global side.
-    pub fn begin_tick(&mut self, mark: &mut impl FnMut(Moment)) -> Result<bool, Fault> {
+    /// With the fault that ended the run.
+    pub fn step(&mut self) -> Result<Option<TickView<'_>>, Fault> {
+        self.step_timed(&mut |_| ())
+    }
+
+    /// As [`step`](Self::step); `mark` is told of every moment of the schedule as it comes.
+    ///
+    /// # Errors
+    /// With the fault that ended the run.
+    pub fn step_timed(&mut self, mark: &mut impl FnMut(Moment)) -> Result<Option<TickView<'_>>, Fault> {
+        if self.begin(mark)? { self.finish(mark).map(Some) } else { Ok(None) }
+    }
+
+    /// Everything before a tick. Returns whether there is one.
+    fn begin(&mut self, mark: &mut impl FnMut(Moment)) -> Result<bool, Fault> {
         let Simulation { global, servo, timeline, ticks_per_cycle, tick_count, keep, is_full, .. } =
             &mut self.simulation;
         let tick = servo.next_tick();
@@ -424,15 +384,8 @@ impl Lockstep {
         Ok(true)
     }
 
-    /// The tick itself; `observe` sees what it did.
-    ///
-    /// # Errors
-    /// With the fault that the fail-safe found.
-    pub fn finish_tick(
-        &mut self,
-        mark: &mut impl FnMut(Moment),
-        observe: &mut impl FnMut(&TickView),
-    ) -> Result<(), Fault> {
+    /// The tick itself.
+    fn finish(&mut self, mark: &mut impl FnMut(Moment)) -> Result<TickView<'_>, Fault> {
         let Simulation { global, network, servo, timeline, tick_s: step, is_full, .. } = &mut self.simulation;
         let fate = timeline.fate(servo.next_tick());
         mark(Moment::TickBegins);
@@ -445,25 +398,24 @@ impl Lockstep {
         if fate != Fate::Skipped {
             self.energy.book(local, &done.report, done.tip_before, done.tip, *step);
         }
-        observe(&TickView {
+        Ok(TickView {
             tick: done.tick,
             time: done.time,
             tip_before: done.tip_before,
             tip: done.tip,
             force: done.force,
-            report: &done.report,
+            report: servo.report(),
             fate,
             has_deadlines: !matches!(timeline, Timeline::Ideal { .. }),
             local,
             network,
-            network_state: global.simulation.state(),
+            network_state: global.simulation().state(),
             model_age: if *is_full { 0 } else { done.model_age },
             energy: &self.energy,
-            work: local.state().work + global.simulation.work(),
-            condensation: global.simulation.condensation(),
+            work: local.state().work + global.simulation().work(),
+            condensation: global.simulation().condensation(),
             device: done.device,
-        });
-        Ok(())
+        })
     }
 
     /// The path from here on of the model now in use, to the end of the cycle at most.

@@ -2,11 +2,12 @@
 
 use std::error::Error;
 
-use stickslip::contact::{law::Law, surface::ContactSurface, tick::Scheme};
-use stickslip::device::instrument::{TipPath, Waypoint};
+use stickslip::contact::{law::Law, rules::Scheme};
+use stickslip::device::path::{TipPath, Waypoint};
 use stickslip::model::mesh::{Block, Stencil};
 use stickslip::model::network::Material;
 use stickslip::scene::{MeshSource, Scene};
+use stickslip::surface::geometry::ContactSurface;
 use stickslip::{Vec3, pipeline};
 
 fn main() -> Result<(), Box<dyn Error>> {

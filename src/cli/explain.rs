@@ -10,12 +10,13 @@ use self::device::DeviceFacts;
 use super::terminal::{hand_out, say};
 use super::{PASS, read};
 use crate::Vec3;
-use crate::dynamics::global::SyncMode;
-use crate::dynamics::integrators::{GlobalIntegrator, Threads};
+use crate::dynamics::constraint::Threads;
+use crate::dynamics::integrators::GlobalIntegrator;
 use crate::dynamics::stability::{StepLimit, explicit_step_limit};
-use crate::model::condensation::Outcome;
-use crate::model::local::Linearization;
-use crate::model::step::{LinearStep, LocalIntegrator};
+use crate::local::condensation::Outcome;
+use crate::local::model::Linearization;
+use crate::local::step::{LinearStep, LocalIntegrator};
+use crate::multirate::global::SyncMode;
 use crate::pipeline::Simulation;
 use crate::scene::Scene;
 
@@ -139,7 +140,7 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
         nodes: network.node_count(),
         fixed_nodes: network.fixed.iter().filter(|&&fixed| fixed).count(),
         springs: network.springs.len(),
-        surface_triangles: model.surface.triangles.len(),
+        surface_triangles: simulation.surface().triangles.len(),
         ticks: scene.tick_count(),
         ticks_per_cycle: scene.ticks_per_cycle(),
         patch_nodes: patch.len(),
@@ -157,7 +158,7 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
         products: step.map_or(1, LinearStep::products),
         response: step.is_some().then_some([rows, rows]),
         springs: (!linear).then_some(patch.springs.len()),
-        contact_nodes: model.geometry.largest_support(),
+        contact_nodes: simulation.local().surface().geometry.largest_support(),
     };
     let stages = match scene.global.integrator {
         GlobalIntegrator::SemiImplicitEuler => 1,
@@ -244,8 +245,8 @@ fn warnings(scene: &Scene, simulation: &Simulation, local: &Step, global: Option
     let patch = &model.patch;
     if patch.len() < simulation.network().fixed.iter().filter(|&&fixed| !fixed).count() {
         // From the patch's middle to its furthest surface node, at rest.
-        let on_surface: Vec<_> = (model.surface.vertex_node.iter().zip(&patch.vertex_slot))
-            .filter(|&(_, &slot)| slot != crate::model::patch::OUTSIDE)
+        let on_surface: Vec<_> = (simulation.surface().vertex_node.iter().zip(&patch.vertex_slot))
+            .filter(|&(_, &slot)| slot != crate::local::patch::OUTSIDE)
             .map(|(&node, _)| simulation.network().rest[node as usize])
             .collect();
         let middle = on_surface.iter().sum::<Vec3>() / on_surface.len().max(1) as f64;

@@ -1,6 +1,6 @@
 //! The three contact constraints: what the instrument feels, and how the mesh goes on.
 
-use super::operators::Support;
+use crate::surface::support::Support;
 use crate::{Mat3, Vec3};
 
 /// The constraint between tip and surface.
@@ -41,7 +41,7 @@ pub enum Law {
 ///
 /// ```
 /// use stickslip::Vec3;
-/// use stickslip::contact::{law::Mode, operators::{Metric, Support}};
+/// use stickslip::{contact::law::Mode, surface::support::{Metric, Support}};
 ///
 /// let mut support = Support::with_capacity(1);
 /// support.set(Metric::Euclidean, [(0, 1.0, 100.0)]);

@@ -343,7 +343,7 @@ impl Spring {
 mod tests {
     use super::*;
     use crate::model::mesh::{Block, Stencil};
-    use crate::model::network::State;
+    use crate::model::state::State;
 
     /// Every level of vector instructions that this machine has gives the same bits.
     #[test]

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::Vec3;
-use crate::model::patch::OUTSIDE;
+use crate::local::patch::OUTSIDE;
 use crate::pipeline::TickView;
 use crate::scene::Scene;
 
@@ -172,7 +172,7 @@ impl FrameRecorder {
     }
 
     fn begin(&self, view: &TickView) -> Recording {
-        let surface = &view.local.model().surface;
+        let surface = &view.local.surface().topology;
         let vertices = surface.vertex_node.len();
         let is_fixed = |vertex: &u32| {
             let node = surface.vertex_node[*vertex as usize];

@@ -6,12 +6,12 @@ use super::spectrum::power_above;
 use crate::Vec3;
 use crate::contact::law::Mode;
 use crate::device::coupled::DeviceView;
-use crate::device::failsafe::Fault;
-use crate::model::condensation::CondensationCounts;
+use crate::local::condensation::CondensationCounts;
 use crate::model::work::WorkCounts;
+use crate::multirate::failsafe::Fault;
+use crate::multirate::timeline::{Fate, OverrunPolicy};
 use crate::pipeline::TickView;
 use crate::scene::Scene;
-use crate::timeline::{Fate, OverrunPolicy};
 
 /// Frequencies above this count as ripple, Hz.
 const RIPPLE_HZ: f64 = 100.0;

@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-use crate::contact::surface::ContactPoint;
 use crate::pipeline::TickView;
+use crate::surface::geometry::ContactPoint;
 
 /// A row. Floats are written in their shortest form that reads back to the same bits. The contact
 /// columns are those of the located contact and stay empty in free ticks; those of a modelled device stay empty

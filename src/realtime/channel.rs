@@ -7,10 +7,11 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use triple_buffer::{Input, Output, TripleBuffer};
 
 use crate::Vec3;
-use crate::contact::tick::Contact;
-use crate::device::failsafe::Cause;
-use crate::dynamics::global::{CycleMessage, Keep, ModelMessage, Trajectory};
-use crate::servo::Servo;
+use crate::contact::state::Contact;
+use crate::multirate::failsafe::Cause;
+use crate::multirate::messages::{CycleMessage, ModelMessage};
+use crate::multirate::servo::Servo;
+use crate::multirate::trajectory::{Keep, Trajectory};
 
 /// Cycles of the patch's path that fit into the ring.
 const CYCLES_IN_RING: usize = 4;
@@ -80,12 +81,12 @@ pub struct GlobalEnd {
 /// A pair of ends for cycles of so many ticks and a first model of these nodes. Without anything to keep, nothing goes up.
 ///
 /// ```
-/// use stickslip::{pipeline::Simulation, realtime::channel::channel, scene::Scene, timeline::Fate};
+/// use stickslip::{multirate::timeline::Fate, pipeline::{Sides, Simulation}, realtime::channel::channel, scene::Scene};
 ///
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
 /// let simulation = Simulation::prepare(&scene)?;
 /// let keep = simulation.keeps();
-/// let (mut servo, mut global) = simulation.into_loops();
+/// let Sides { mut servo, mut global } = simulation.into_sides();
 /// let (mut servo_end, mut global_end) = channel(100, keep, &servo.local().model().patch.nodes);
 ///
 /// // Up: the path of one cycle, tick by tick.

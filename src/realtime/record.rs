@@ -8,10 +8,10 @@ use thiserror::Error;
 
 use super::meter::{Meter, Times};
 use super::threads::{LoopSettings, NotServed, Obtained, Pass, Served, Window, serve};
+use crate::multirate::timeline::OverrunPolicy;
 use crate::pipeline::Simulation;
 use crate::scene::{Scene, SceneError};
 use crate::session::{RecordedPass, Session};
-use crate::timeline::OverrunPolicy;
 
 /// Quantiles of a time, ns.
 ///
@@ -158,7 +158,7 @@ pub enum RecordError {
 /// ```
 pub fn record(scene: &Scene, stop: &AtomicBool) -> Result<Recorded, RecordError> {
     let simulation = Simulation::prepare(scene)?;
-    let warm_up = simulation.clone().into_loops().0;
+    let warm_up = simulation.clone().into_sides().servo;
     let settings = loop_settings(scene, &simulation, false);
     let pass = Pass::new(simulation, scene.tick_count(), true);
     let mut served = serve(vec![pass], warm_up, settings, stop)?;

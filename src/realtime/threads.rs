@@ -11,12 +11,13 @@ use super::allocations;
 use super::channel::{GlobalEnd, ServoEnd, channel};
 use super::meter::{Meter, TickTimes};
 use super::os::{self, Usage};
-use crate::device::failsafe::Fault;
-use crate::dynamics::global::Keep;
-use crate::pipeline::{GlobalSide, Simulation};
-use crate::servo::{Servo, ServoTick};
+use crate::multirate::failsafe::Fault;
+use crate::multirate::global::GlobalSide;
+use crate::multirate::servo::{Servo, ServoTick};
+use crate::multirate::timeline::{Arrival, Deadline, Fate, OverrunPolicy, RecordedTimes};
+use crate::multirate::trajectory::Keep;
+use crate::pipeline::{Sides, Simulation};
 use crate::session::{Checksum, Taped};
-use crate::timeline::{Arrival, Deadline, Fate, OverrunPolicy, RecordedTimes};
 
 /// Of the servo thread, among those of `SCHED_FIFO`: above ordinary interrupt threads, below the watchdogs.
 const PRIORITY: i32 = 80;
@@ -48,7 +49,7 @@ impl Pass {
     /// A pass of `ticks` ticks; with `tapes`, tip and force of every tick are kept.
     pub fn new(simulation: Simulation, ticks: u64, tapes: bool) -> Self {
         let has_global = simulation.keeps().is_some();
-        let (servo, global) = simulation.into_loops();
+        let Sides { servo, global } = simulation.into_sides();
         let reserve = || Vec::with_capacity(ticks as usize);
         Self {
             servo,
@@ -190,7 +191,7 @@ pub enum NotServed {
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
 /// let simulation = Simulation::prepare(&scene)?;
 /// let settings = loop_settings(&scene, &simulation, false);
-/// let (warm_up, _) = simulation.clone().into_loops();
+/// let warm_up = simulation.clone().into_sides().servo;
 /// // Twice the first 20 ticks, one after the other in the same beat.
 /// let passes = vec![Pass::new(simulation.clone(), 20, false), Pass::new(simulation, 20, false)];
 /// let served = serve(passes, warm_up, settings, &AtomicBool::new(false)).expect("there are passes");

@@ -6,14 +6,14 @@ use super::{
     check,
 };
 use crate::contact::law::Law;
-use crate::contact::surface::ContactSurface;
-use crate::contact::tick::{ContactRules, Scheme, Wall};
-use crate::device::instrument::{InstrumentKind, TipPath};
-use crate::dynamics::integrators::Threads;
-use crate::model::local::LocalSettings;
+use crate::contact::rules::{ContactRules, Scheme, Wall};
+use crate::device::{instrument::InstrumentKind, path::TipPath};
+use crate::dynamics::constraint::Threads;
+use crate::local::model::LocalSettings;
+use crate::local::step::LocalIntegrator;
 use crate::model::network::Material;
-use crate::model::step::LocalIntegrator;
-use crate::timeline::{Deadline, OverrunPolicy};
+use crate::multirate::timeline::{Deadline, OverrunPolicy};
+use crate::surface::geometry::ContactSurface;
 
 fn refused(problem: Problem) -> SceneError {
     SceneError::new(problem, None)
@@ -25,8 +25,8 @@ impl Scene {
     /// is checked when the scene is [put together](crate::pipeline::Simulation::prepare), or by [`check`](Self::check).
     ///
     /// ```
-    /// use stickslip::contact::{law::Law, tick::Scheme};
-    /// use stickslip::device::instrument::{TipPath, Waypoint};
+    /// use stickslip::contact::{law::Law, rules::Scheme};
+    /// use stickslip::device::path::{TipPath, Waypoint};
     /// use stickslip::model::{mesh::{Block, Stencil}, network::Material};
     /// use stickslip::scene::{Problem, Scene};
     /// use stickslip::{Vec3, pipeline};

@@ -9,13 +9,13 @@ use thiserror::Error;
 
 use super::keys::accepted;
 use super::place::place;
-use crate::device::instrument::{InstrumentError, PathError};
+use crate::device::{coupled::InstrumentError, path::PathError};
 use crate::dynamics::settle::SettleError;
+use crate::local::error::ModelError;
 use crate::mesh_file::{MeshFileError, MeshProblem};
-use crate::model::local::ModelError;
 use crate::model::material::MaterialError;
 use crate::model::network::NetworkError;
-use crate::model::surface::SurfaceError;
+use crate::model::topology::SurfaceError;
 
 /// What is wrong with a scene. Keys are those of scene files, also where a scene was built in Rust.
 #[derive(Debug, Error)]

@@ -2,17 +2,17 @@
 
 use super::Schedule;
 use super::words::*;
-use crate::contact::operators::Metric;
-use crate::contact::surface::ContactSurface;
-use crate::contact::tick::Deformation;
-use crate::dynamics::global::SyncMode;
+use crate::contact::rules::Deformation;
 use crate::dynamics::integrators::GlobalIntegrator;
-use crate::model::condensation::FarField;
+use crate::local::condensation::FarField;
+use crate::local::step::LocalIntegrator;
 use crate::model::material::Identification;
 use crate::model::mesh::Stencil;
 use crate::model::springs::TangentKind;
-use crate::model::step::LocalIntegrator;
-use crate::timeline::OverrunPolicy;
+use crate::multirate::global::SyncMode;
+use crate::multirate::timeline::OverrunPolicy;
+use crate::surface::geometry::ContactSurface;
+use crate::surface::support::Metric;
 
 use Accepts::{Table, Text, Words};
 

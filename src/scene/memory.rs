@@ -1,10 +1,10 @@
 //! Whether a scene fits into memory, told before anything of its size is allocated.
 
-use crate::model::condensation::{FarField, Reach};
-use crate::model::local::{ExteriorKind, Linearization, LocalSettings};
+use crate::local::condensation::{FarField, Reach};
+use crate::local::model::{ExteriorKind, Linearization, LocalSettings};
+use crate::local::patch::Extent;
+use crate::local::step::LocalIntegrator;
 use crate::model::mesh::Mesh;
-use crate::model::patch::Extent;
-use crate::model::step::LocalIntegrator;
 use crate::scene::MeshSource;
 use crate::scene::error::Problem;
 

@@ -24,15 +24,15 @@ pub use place::nearest;
 pub use shipped::{Expectation, SHIPPED, Shipped};
 pub use words::{ExteriorName, LawName, LinearizationName, LocalModelName, Rings, SchemeName};
 
-use crate::contact::surface::ContactSurface;
-use crate::contact::tick::ContactRules;
-use crate::device::instrument::{InstrumentKind, TipPath};
-use crate::dynamics::global::SyncMode;
-use crate::dynamics::integrators::{GlobalIntegrator, Threads};
-use crate::model::local::LocalSettings;
+use crate::contact::rules::ContactRules;
+use crate::device::{instrument::InstrumentKind, path::TipPath};
+use crate::dynamics::{constraint::Threads, integrators::GlobalIntegrator};
+use crate::local::model::LocalSettings;
+use crate::local::step::LocalIntegrator;
 use crate::model::network::Material;
-use crate::model::step::LocalIntegrator;
-use crate::timeline::{Costs, Deadline, DrawnTimes, Timeline};
+use crate::multirate::global::SyncMode;
+use crate::multirate::timeline::{Costs, Deadline, DrawnTimes, Timeline};
+use crate::surface::geometry::ContactSurface;
 use crate::word::words;
 
 /// `local.rate` where none is given.

@@ -6,17 +6,18 @@ use super::words::{All, ExteriorName, InstrumentName, LawName, LinearizationName
 use super::{Scene, Schedule};
 use crate::Vec3;
 use crate::contact::law::Law;
-use crate::contact::operators::Metric;
-use crate::contact::surface::ContactSurface;
-use crate::contact::tick::Scheme;
+use crate::contact::rules::Scheme;
 use crate::device::instrument::InstrumentKind;
-use crate::dynamics::global::SyncMode;
-use crate::dynamics::integrators::{GlobalIntegrator, Threads};
-use crate::model::condensation::{Condensation, FarField, Reach};
-use crate::model::local::{ExteriorKind, Linearization};
+use crate::dynamics::constraint::Threads;
+use crate::dynamics::integrators::GlobalIntegrator;
+use crate::local::condensation::{Condensation, FarField, Reach};
+use crate::local::model::{ExteriorKind, Linearization};
+use crate::local::patch::Extent;
+use crate::local::step::LocalIntegrator;
 use crate::model::material::PerSpring;
-use crate::model::patch::Extent;
-use crate::model::step::LocalIntegrator;
+use crate::multirate::global::SyncMode;
+use crate::surface::geometry::ContactSurface;
+use crate::surface::support::Metric;
 
 /// A part of the pipeline that not every scene needs.
 #[derive(Debug, Clone, PartialEq, Eq)]

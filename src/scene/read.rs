@@ -20,7 +20,7 @@ use super::place::nearest;
 use super::words::{LawName, LocalModelName, SchemeName};
 use super::{DEFAULT_GLOBAL_RATE_HZ, DEFAULT_LOCAL_RATE_HZ, Scene, Schedule, check};
 use crate::contact::law::Law;
-use crate::contact::tick::{ContactRules, Scheme, Wall};
+use crate::contact::rules::{ContactRules, Scheme, Wall};
 
 type Read<T = ()> = Result<T, Problem>;
 

@@ -3,10 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use crate::contact::law::Law;
-use crate::contact::tick::Scheme;
-use crate::model::condensation::Reach;
-use crate::model::local::{ExteriorKind, Linearization};
-use crate::model::patch::Extent;
+use crate::contact::rules::Scheme;
+use crate::local::condensation::Reach;
+use crate::local::model::{ExteriorKind, Linearization};
+use crate::local::patch::Extent;
 use crate::word::words;
 
 /// Value of `mesh.kind`.
@@ -150,7 +150,7 @@ words!(InstrumentName { Path = "path", Recording = "recording", Phantom = "phant
 /// Value of `local.rings` and `local.condense_rings`.
 ///
 /// ```
-/// use stickslip::{model::patch::Extent, scene::Rings};
+/// use stickslip::{local::patch::Extent, scene::Rings};
 ///
 /// assert_eq!(Rings::from(Extent::Rings(2)).to_string(), "2 rings");
 /// assert_eq!(Rings::from(Extent::All).to_string(), "all rings");

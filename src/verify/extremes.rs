@@ -10,12 +10,12 @@ use serde::Serialize;
 
 use crate::Vec3;
 use crate::contact::law::Law;
-use crate::contact::surface::ContactSurface;
-use crate::contact::tick::Scheme;
-use crate::device::failsafe::{Cause, Fault};
+use crate::contact::rules::Scheme;
 use crate::model::mesh::{Block, Mesh, Stencil};
+use crate::multirate::failsafe::{Cause, Fault};
 use crate::pipeline::Simulation;
 use crate::scene::{MeshSource, Scene, SceneError};
+use crate::surface::geometry::ContactSurface;
 
 use self::watch::Watch;
 

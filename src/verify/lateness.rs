@@ -4,10 +4,10 @@
 use serde::Serialize;
 
 use crate::Vec3;
-use crate::device::failsafe::Fault;
+use crate::multirate::failsafe::Fault;
+use crate::multirate::timeline::{Cost, Costs, DrawnTimes, Fate, OverrunPolicy, Timeline};
 use crate::pipeline::{RunError, Simulation};
 use crate::scene::Scene;
-use crate::timeline::{Cost, Costs, DrawnTimes, Fate, OverrunPolicy, Timeline};
 
 /// Shares of ticks that are late.
 pub const SHARES: [f64; 3] = [0.001, 0.01, 0.1];

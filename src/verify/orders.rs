@@ -9,11 +9,12 @@ use thiserror::Error;
 use super::surfaces::SCHEMES;
 use crate::Vec3;
 use crate::contact::law::Law;
-use crate::contact::tick::Scheme;
-use crate::device::instrument::{PathError, TipPath, Waypoint};
-use crate::dynamics::integrators::{GlobalIntegrator, Stepper, Unconstrained};
+use crate::contact::rules::Scheme;
+use crate::device::path::{PathError, TipPath, Waypoint};
+use crate::dynamics::constraint::Unconstrained;
+use crate::dynamics::integrators::{GlobalIntegrator, Stepper};
+use crate::local::step::LocalIntegrator;
 use crate::model::network::{Network, NetworkError};
-use crate::model::step::LocalIntegrator;
 use crate::pipeline::{self, RunError, TickView};
 use crate::scene::{Scene, SceneError, SchemeName};
 
@@ -198,7 +199,7 @@ pub fn observe(case: Case) -> Result<ObservedOrder, OrderError> {
 /// If the run ends early.
 ///
 /// ```
-/// use stickslip::contact::{surface::ContactSurface, tick::Scheme};
+/// use stickslip::{contact::rules::Scheme, surface::geometry::ContactSurface};
 /// use stickslip::{scene::Scene, verify::{orders::momentum_defect, surfaces::whole}};
 ///
 /// // A block that nothing holds, pushed away by the tip: action and reaction.

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::value::RawValue;
 
-use crate::device::failsafe::{Cause, Fault};
+use crate::multirate::failsafe::{Cause, Fault};
 use crate::output::summary::{Recorder, Summary};
 use crate::pipeline::{Simulation, TickView};
 use crate::scene::{Scene, SceneError};

@@ -7,12 +7,13 @@ use serde::Serialize;
 use thiserror::Error;
 
 use self::subject::{ON_THE_CIRCLE, Subject};
-use crate::contact::tick::Scheme;
-use crate::model::condensation::{Condensation, Reach};
-use crate::model::local::{ExteriorKind, ModelError};
+use crate::contact::rules::Scheme;
+use crate::local::condensation::{Condensation, Reach};
+use crate::local::error::ModelError;
+use crate::local::model::ExteriorKind;
+use crate::local::step::LocalIntegrator;
 use crate::model::network::NetworkError;
 use crate::model::springs::TangentKind;
-use crate::model::step::LocalIntegrator;
 use crate::scene::{Scene, SchemeName};
 
 /// Steps that are tried, s.
@@ -167,7 +168,7 @@ pub enum MapError {
 /// If the scene's tip does not start above a patch that can be pressed.
 ///
 /// ```
-/// use stickslip::model::step::LocalIntegrator;
+/// use stickslip::local::step::LocalIntegrator;
 /// use stickslip::scene::Scene;
 /// use stickslip::verify::stability_map::{Axis, EXTERIORS, MapPoint, boundaries};
 ///

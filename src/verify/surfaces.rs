@@ -5,14 +5,14 @@ use serde::Serialize;
 
 use crate::Vec3;
 use crate::contact::law::{Law, Mode};
-use crate::contact::operators::Metric;
-use crate::contact::surface::ContactSurface;
-use crate::contact::tick::{Deformation, Scheme};
-use crate::dynamics::energy::EnergyBook;
+use crate::contact::rules::{Deformation, Scheme};
 use crate::model::mesh::Block;
+use crate::multirate::energy::EnergyBook;
 use crate::output::spectrum::power_above;
 use crate::pipeline::{self, RunError};
 use crate::scene::{MeshSource, Scene};
+use crate::surface::geometry::ContactSurface;
+use crate::surface::support::Metric;
 
 /// The drags that are compared: 6 mm deep, one for each law.
 pub const DRAGS: [&str; 3] = ["deep-sliding", "deep-sticking", "deep-stick-slip"];
@@ -105,7 +105,7 @@ pub fn grid(refinement: usize) -> Vec<Combination> {
 /// The same drag with the whole network at the haptic rate, over another surface with another scheme.
 ///
 /// ```
-/// use stickslip::contact::{surface::ContactSurface, tick::Scheme};
+/// use stickslip::{contact::rules::Scheme, surface::geometry::ContactSurface};
 /// use stickslip::{pipeline::Simulation, scene::Scene, verify::surfaces::whole};
 ///
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");

@@ -14,9 +14,9 @@ use super::progress::Progress;
 use super::terminal::{hand_out, say};
 use super::tick_timing::{TimedTick, time_ticks};
 use super::{FAIL, INCONCLUSIVE, PASS, folder, interrupt, load};
+use crate::multirate::timeline::OverrunPolicy;
 use crate::output::files::{write_file, write_json};
 use crate::pipeline::Simulation;
-use crate::realtime::certificate::{Certificate, Circumstances, Verdict, WorstTick};
 use crate::realtime::load::Load;
 use crate::realtime::machine::{Machine, stolen};
 use crate::realtime::meter::TickTimes;
@@ -25,8 +25,8 @@ use crate::realtime::record::{loop_settings, recorded_pass};
 use crate::realtime::threads::{Pass, Served, serve};
 use crate::scene::{Scene, SceneError};
 use crate::session::{Replayed, Session, TickToReplay, Why, replay};
-use crate::timeline::OverrunPolicy;
 use crate::verify::certificate::causes::StealSample;
+use crate::verify::certificate::verdict::{Certificate, Circumstances, Verdict, WorstTick};
 use crate::verify::lateness::consequences;
 
 /// Between two looks at what the hypervisor took.
@@ -143,7 +143,7 @@ fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette
     progress.begin(&scene.name);
     let load = kind.start(cpus.len());
     let (served, steal) =
-        watched(duration_s, &mut progress, ticks, || serve(passes, warm_up.into_loops().0, settings, stop));
+        watched(duration_s, &mut progress, ticks, || serve(passes, warm_up.into_sides().servo, settings, stop));
     drop(load);
     drop(progress);
     let mut served = served?;

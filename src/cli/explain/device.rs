@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::Vec3;
-use crate::contact::tick::Wall;
+use crate::contact::rules::Wall;
 use crate::device::instrument::InstrumentKind;
 use crate::pipeline::Simulation;
 use crate::scene::Scene;

@@ -214,7 +214,7 @@ fn stability_verdict(file: &StabilityFile) -> Verdict {
 fn certificate(verdicts: &mut Vec<Verdict>, out: &Path) -> miette::Result<(Option<serde_json::Value>, Markup)> {
     use miette::IntoDiagnostic;
 
-    use crate::realtime::certificate::Verdict as Found;
+    use crate::verify::certificate::verdict::Verdict as Found;
 
     let (certificate, section) = match super::certify::brief(&shipped(LOOP_SCENE)?, CERTIFICATE_S, out) {
         Ok(made) => made,

@@ -37,7 +37,7 @@ pub fn compare() -> miette::Result<Vec<SurfaceEntry>> {
 
 #[cfg(feature = "plots")]
 fn figure(compared: &[SurfaceEntry]) -> miette::Result<String> {
-    use crate::output::plots::{Jump, jumps};
+    use crate::output::figures::forces::{Jump, jumps};
     let columns: Vec<String> = surfaces::SURFACES
         .iter()
         .flat_map(|(surface, _)| surfaces::SCHEMES.iter().map(move |(scheme, _)| format!("{surface} {scheme}")))

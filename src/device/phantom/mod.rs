@@ -21,7 +21,7 @@ use self::dynamics::{JointSettings, LEAST_INERTIA};
 use self::hand::HandSettings;
 use self::kinematics::{FORE_LINK, PoseError, UPPER_LINK};
 use self::plant::{Plant, PlantState};
-use super::instrument::TipPath;
+use super::path::TipPath;
 use crate::{Mat3, Vec3};
 
 /// The largest rate times substep. RK4 is stable up to 2.78 on the real axis and 2.82 on the imaginary one.
@@ -250,7 +250,7 @@ fn require(name: &'static str, values: &Vec3, needs: Needs) -> Result<(), Device
 ///
 /// ```
 /// use stickslip::Vec3;
-/// use stickslip::device::instrument::{TipPath, Waypoint};
+/// use stickslip::device::path::{TipPath, Waypoint};
 /// use stickslip::device::phantom::{Phantom, PhantomSettings};
 ///
 /// let still = TipPath::new(vec![Waypoint { time: 0.0, position: Vec3::zeros() }])?;

@@ -1,7 +1,7 @@
 //! The `[global]` and `[sync]` parts: how the network is integrated, and how it takes in the local model's cycle.
 
 use super::Read;
-use crate::dynamics::integrators::Threads;
+use crate::dynamics::constraint::Threads;
 use crate::scene::GlobalSettings;
 use crate::scene::error::Problem;
 use crate::scene::file::SceneFile;

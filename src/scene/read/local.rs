@@ -1,9 +1,9 @@
 //! The `[local]` part: how far the local model reaches, its forces, and what the rest of the network does.
 
 use super::{Read, no_effect};
-use crate::model::condensation::{Condensation, Reach};
-use crate::model::local::{ExteriorKind, Linearization, LocalSettings};
-use crate::model::patch::Extent;
+use crate::local::condensation::{Condensation, Reach};
+use crate::local::model::{ExteriorKind, Linearization, LocalSettings};
+use crate::local::patch::Extent;
 use crate::scene::file::LocalTable;
 use crate::scene::words::{ExteriorName, LinearizationName, LocalModelName, Rings};
 

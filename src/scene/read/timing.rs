@@ -1,10 +1,10 @@
 //! The `[timing]` part: deadlines, and what computing takes in virtual time.
 
 use super::{Read, no_effect};
+use crate::multirate::timeline::{Cost, Costs, Deadline};
 use crate::scene::Schedule;
 use crate::scene::check::IN_REAL_TIME;
 use crate::scene::file::{CostValue, LogNormalCost, RareCost, TimingTable};
-use crate::timeline::{Cost, Costs, Deadline};
 
 pub(super) fn timing(timing: &TimingTable, schedule: Schedule, tick_s: f64) -> Read<(Deadline, Option<Costs>)> {
     let TimingTable { tick_cost, model_cost, deadline, overrun, seed } = timing;

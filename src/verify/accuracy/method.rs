@@ -4,19 +4,19 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::contact::surface::ContactSurface;
-use crate::contact::tick::Scheme;
-use crate::model::condensation::Reach;
-use crate::model::local::{ExteriorKind, Linearization, LocalSettings};
-use crate::model::patch::Extent;
+use crate::contact::rules::Scheme;
+use crate::local::condensation::Reach;
+use crate::local::model::{ExteriorKind, Linearization, LocalSettings};
+use crate::local::patch::Extent;
+use crate::local::step::LocalIntegrator;
 use crate::model::springs::TangentKind;
-use crate::model::step::LocalIntegrator;
 use crate::scene::{ExteriorName, LinearizationName, LocalModelName, Rings, Scene, SchemeName};
+use crate::surface::geometry::ContactSurface;
 
 /// How the tip meets the mesh.
 ///
 /// ```
-/// use stickslip::contact::{surface::ContactSurface, tick::Scheme};
+/// use stickslip::{contact::rules::Scheme, surface::geometry::ContactSurface};
 /// use stickslip::verify::accuracy::Touching;
 ///
 /// // An impulse acts through the masses and leaves no choice of deformation or metric.

@@ -4,8 +4,8 @@ use super::super::surfaces::whole;
 use super::method::Touching;
 use crate::Vec3;
 use crate::contact::law::Mode;
-use crate::contact::tick::Scheme;
-use crate::model::condensation::CondensationCounts;
+use crate::contact::rules::Scheme;
+use crate::local::condensation::CondensationCounts;
 use crate::model::work::WorkCounts;
 use crate::output::summary::Sample;
 use crate::pipeline::Simulation;
@@ -105,11 +105,9 @@ impl Record {
                 Scheme::Geometric { .. } => view.force,
                 Scheme::Velocity => mean,
             };
-            let (report, model) = (view.report, view.local.model());
+            let report = view.report;
             let place = report.touch.map(|touch| {
-                let weights = model.geometry.weights(&model.surface, &touch.point);
-                let node = |vertex: u32| model.surface.vertex_node[vertex as usize] as usize;
-                weights.map(|(vertex, weight)| rest[node(vertex)] * weight).sum()
+                view.local.surface().node_weights(&touch.point).map(|(node, weight)| rest[node] * weight).sum()
             });
             record.felt.push(Felt {
                 force,

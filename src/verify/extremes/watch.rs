@@ -5,13 +5,13 @@ use std::ops::Range;
 use super::{Quantity, TUNNELLED_M};
 use crate::Vec3;
 use crate::contact::law::{Law, Mode};
-use crate::contact::operators::Support;
-use crate::contact::subdivision::LARGEST_SUPPORT;
-use crate::contact::tick::Scheme;
-use crate::model::condensation::CondensationCounts;
+use crate::contact::rules::Scheme;
+use crate::local::condensation::CondensationCounts;
 use crate::model::mesh::Mesh;
 use crate::pipeline::TickView;
 use crate::scene::Scene;
+use crate::surface::subdivision::LARGEST_SUPPORT;
+use crate::surface::support::Support;
 
 /// What is kept of a run.
 pub(super) struct Watch {
