@@ -7,7 +7,8 @@ use super::{
 };
 use crate::contact::law::Law;
 use crate::contact::rules::{ContactRules, Scheme, Wall};
-use crate::device::{instrument::InstrumentKind, path::TipPath};
+use crate::device::instrument::InstrumentKind;
+use crate::device::path::TipPath;
 use crate::dynamics::constraint::Threads;
 use crate::local::model::LocalSettings;
 use crate::local::step::LocalIntegrator;

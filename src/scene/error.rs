@@ -9,7 +9,8 @@ use thiserror::Error;
 
 use super::keys::accepted;
 use super::place::place;
-use crate::device::{coupled::InstrumentError, path::PathError};
+use crate::device::coupled::InstrumentError;
+use crate::device::path::PathError;
 use crate::dynamics::settle::SettleError;
 use crate::local::error::ModelError;
 use crate::mesh_file::{MeshFileError, MeshProblem};

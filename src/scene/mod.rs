@@ -20,13 +20,16 @@ use miette::NamedSource;
 pub use error::{Problem, SceneError};
 pub use mesh::MeshSource;
 pub use parts::Part;
-pub use place::nearest;
 pub use shipped::{Expectation, SHIPPED, Shipped};
 pub use words::{ExteriorName, LawName, LinearizationName, LocalModelName, Rings, SchemeName};
 
+use place::nearest;
+
 use crate::contact::rules::ContactRules;
-use crate::device::{instrument::InstrumentKind, path::TipPath};
-use crate::dynamics::{constraint::Threads, integrators::GlobalIntegrator};
+use crate::device::instrument::InstrumentKind;
+use crate::device::path::TipPath;
+use crate::dynamics::constraint::Threads;
+use crate::dynamics::integrators::GlobalIntegrator;
 use crate::local::model::LocalSettings;
 use crate::local::step::LocalIntegrator;
 use crate::model::network::Material;

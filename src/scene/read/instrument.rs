@@ -5,12 +5,10 @@ use std::path::Path;
 use super::{Read, no_effect};
 use crate::device::coupled::CoupledSettings;
 use crate::device::coupling::CouplingSettings;
+use crate::device::instrument::InstrumentKind;
+use crate::device::path::{TipPath, Waypoint};
 use crate::device::phantom::PhantomSettings;
 use crate::device::phantom::hand::HandSettings;
-use crate::device::{
-    instrument::InstrumentKind,
-    path::{TipPath, Waypoint},
-};
 use crate::scene::error::Problem;
 use crate::scene::file::{CouplingTable, DeviceTable, HandTable, InstrumentTable};
 use crate::scene::words::InstrumentName;
