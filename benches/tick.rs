@@ -114,7 +114,7 @@ fn main() {
         ),
         (
             "tick in contact, full network of 324 nodes",
-            Box::new(ticking(local(|s| s.local = LocalSettings::FULL), PRESSED)),
+            Box::new(ticking(local(|s| *s = s.clone().with_local_model(LocalSettings::FULL)), PRESSED)),
         ),
     ];
 

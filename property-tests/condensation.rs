@@ -474,8 +474,9 @@ fn a_condensed_exterior_comes_closer_to_the_full_network() {
 /// A run in which models fall back says so: sticking, drawn on over 50 mm.
 #[test]
 fn falling_back_is_counted_in_a_run() {
-    let mut scene = shipped("deep-sticking");
-    scene.local.exterior = ExteriorKind::Condensed(ALL_EXACT);
+    let scene = shipped("deep-sticking");
+    let local = LocalSettings { exterior: ExteriorKind::Condensed(ALL_EXACT), ..scene.local() };
+    let mut scene = scene.with_local_model(local);
     let far = [[0.0, -0.03, 0.0013, 0.002], [0.2, -0.03, 0.0013, -0.006], [1.2, 0.02, 0.0013, -0.006]];
     let waypoints = far.map(|[time, x, y, z]| Waypoint { time, position: Vec3::new(x, y, z) });
     scene.path = TipPath::new(waypoints.to_vec()).expect("ascending times");

@@ -27,10 +27,7 @@ const LAWS: [&str; 3] = ["law = \"sliding\"", "law = \"sticking\"", "law = \"sti
 const ROUND_OFF: f64 = 1e-14;
 
 fn full(scene: &Scene) -> Scene {
-    let mut full = scene.clone();
-    full.local = LocalSettings::FULL;
-    full.is_full = true;
-    full
+    scene.clone().with_full_model()
 }
 
 #[test]
@@ -111,9 +108,7 @@ fn errors_of_local_models_are_those_of_an_independent_trial() {
         for (rings, error) in (1..).zip(errors) {
             let linearization = Linearization::Tangent(TangentKind::Exact);
             let local = LocalSettings { extent: Extent::Rings(rings), linearization, exterior: ExteriorKind::Fixed };
-            let mut approximate = scene.clone();
-            approximate.local = local;
-            let forces = run(&approximate).force;
+            let forces = run(&scene.clone().with_local_model(local)).force;
             worst.check((crate::check::relative_rms(&forces, &reference) - error).abs());
         }
     }

@@ -84,7 +84,7 @@ fn with_renderer(renderer: impl Renderer + 'static) -> OwnParts {
 fn the_built_in_local_model_through_the_seam_gives_the_same_bits() {
     for name in ["fig3-sliding", "fig5-stick-slip", "fig5-stick-slip-subdivision"] {
         let scene = shipped(name);
-        let ours = Ours { rules: scene.contact, settings: scene.local, tick_s: 1e-3 };
+        let ours = Ours { rules: scene.contact, settings: scene.local(), tick_s: 1e-3 };
         let through = Simulation::prepare_with(&scene, with_renderer(ours)).expect("it starts outside");
         assert_eq!(forces(through), forces(Simulation::prepare(&scene).expect("it starts outside")), "{name}");
     }
@@ -211,7 +211,7 @@ fn a_renderer_without_a_cycle_is_refused() {
 #[test]
 fn copies_of_a_run_go_on_alike() {
     let scene = shipped("fig5-stick-slip");
-    let ours = Ours { rules: scene.contact, settings: scene.local, tick_s: 1e-3 };
+    let ours = Ours { rules: scene.contact, settings: scene.local(), tick_s: 1e-3 };
     let mut run = Lockstep::new(Simulation::prepare_with(&scene, with_renderer(ours)).expect("it starts outside"));
     for _ in 0..250 {
         run.step().expect("no fault");

@@ -88,8 +88,8 @@ fn rest_is_a_fixed_point_of_tick_and_cycle() {
         let (start, network) = (local.state().clone(), whole(global.state()));
         for _ in 0..3 {
             let mut trajectory = Trajectory::new(Keep::Path);
-            trajectory.begin(local.model(), local.state(), 0, scene.ticks_per_cycle as usize);
-            for _ in 0..scene.ticks_per_cycle {
+            trajectory.begin(local.model(), local.state(), 0, scene.ticks_per_cycle() as usize);
+            for _ in 0..scene.ticks_per_cycle() {
                 local.tick(tip, tip);
                 assert_eq!(bits(&local.state().x), bits(&start.x));
                 assert_eq!(bits(&local.state().v), bits(&start.v));

@@ -379,7 +379,7 @@ fn ticks_keep_the_law() {
                 let mut touched = 0;
                 let mut scene = drag("fig5-stick-slip", surface, law, integrator);
                 // Beyond, the exact tangent of the stuck block is indefinite, and exact ticks follow it out.
-                scene.tick_count = 900;
+                scene = scene.with_ticks(900);
                 completes(&scene, |view| {
                     let Some(touch) = view.report.touch.filter(|_| !view.report.rigid) else { return };
                     touched += 1;

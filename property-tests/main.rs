@@ -2,6 +2,7 @@
 //! saw beside its tolerance; every comparison is written so that NaN fails.
 
 mod accuracy;
+mod built_scenes;
 mod certificate;
 mod check;
 mod closed_loop;

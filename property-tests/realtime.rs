@@ -25,7 +25,11 @@ static ALLOCATOR: Counting = Counting;
 static TURN: Mutex<()> = Mutex::new(());
 
 fn scene(text: &str) -> Scene {
-    let scene = Scene::shipped("fig5-stick-slip").expect("shipped").text().replace("latency_ticks = 0", "");
+    let scene = Scene::shipped("fig5-stick-slip")
+        .expect("shipped")
+        .text()
+        .expect("it was read")
+        .replace("latency_ticks = 0", "");
     Scene::parse(&format!("{scene}\n[run]\nschedule = \"threads\"\n{text}"), "threads.toml".as_ref()).expect("a scene")
 }
 
@@ -110,7 +114,11 @@ fn a_loop_can_be_stopped_and_keeps_what_it_has() {
 
 #[test]
 fn a_fault_ends_the_loop_and_comes_again() {
-    let text = Scene::shipped("deep-stick-slip-faceted").expect("shipped").text().replace("latency_ticks = 0", "");
+    let text = Scene::shipped("deep-stick-slip-faceted")
+        .expect("shipped")
+        .text()
+        .expect("it was read")
+        .replace("latency_ticks = 0", "");
     let text = format!("{text}\n[run]\nschedule = \"threads\"\n");
     let run = recorded(&Scene::parse(&text, "fault.toml".as_ref()).expect("a scene"));
     let pass = &run.session.passes[0];

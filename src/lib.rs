@@ -51,6 +51,8 @@
 #![warn(missing_docs)]
 #![deny(unsafe_code)]
 
+mod word;
+
 pub mod scene;
 
 pub mod mesh_file;

@@ -51,10 +51,9 @@ pub enum RunError {
 /// ```
 /// use stickslip::{pipeline, scene::Scene};
 ///
-/// let mut scene = Scene::shipped("fig5-stick-slip").expect("shipped with the program");
-/// scene.tick_count = 250;
+/// let scene = Scene::shipped("fig5-stick-slip").expect("shipped with the program").with_ticks(250);
 /// pipeline::run(&scene, |view| {
-///     assert!(((view.tick + 1) as f64 * scene.tick - view.time).abs() < 1e-12);
+///     assert!(((view.tick + 1) as f64 * scene.tick_s() - view.time).abs() < 1e-12);
 ///     // The force has no other parts.
 ///     assert!((view.normal_force().hypot(view.tangential_force()) - view.force.norm()).abs() < 1e-12);
 /// })?;
@@ -157,14 +156,14 @@ impl AssemblyError {
     /// With the place in the scene that decides it.
     fn located(self, scene: &Scene) -> SceneError {
         match self {
-            Self::Network(error) => scene.mesh_error(Problem::Network(error)),
-            Self::Surface(error) => scene.mesh_error(Problem::Surface(error)),
-            Self::Settle(error) => scene.settle_error(error),
-            Self::Instrument(error) => scene.instrument_error(error),
-            Self::Model(BuildError::Model(error)) => scene.mesh_error(Problem::Model(error)),
-            Self::TipInside { depth_m } => scene.tip_inside(depth_m),
+            Self::Network(error) => scene.error(Problem::Network(error)),
+            Self::Surface(error) => scene.error(Problem::Surface(error)),
+            Self::Settle(error) => scene.error(Problem::Settle(error)),
+            Self::Instrument(error) => scene.error(Problem::Instrument { key: "instrument", error }),
+            Self::Model(BuildError::Model(error)) => scene.error(Problem::Model(error)),
+            Self::TipInside { depth_m } => scene.error(Problem::TipInside { depth_m }),
             error @ (Self::Model(BuildError::Renderer(_)) | Self::NoCycle | Self::PushedImplicitly) => {
-                scene.mesh_error(Problem::OwnPart(error.to_string()))
+                scene.error(Problem::OwnPart(error.to_string()))
             }
         }
     }
@@ -188,8 +187,7 @@ pub struct Sides {
 /// use stickslip::pipeline::Simulation;
 /// use stickslip::scene::Scene;
 ///
-/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// scene.tick_count = 250;
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(250);
 /// let simulation = Simulation::prepare(&scene)?;
 /// assert_eq!((simulation.network().node_count(), simulation.surface().triangles.len()), (324, 448));
 /// assert!(simulation.device().is_none() && simulation.global().state().x == simulation.network().rest);
@@ -218,7 +216,7 @@ pub struct Simulation {
     global: GlobalSide,
     servo: Servo,
     timeline: Timeline,
-    tick: f64,
+    tick_s: f64,
     tick_count: u64,
     ticks_per_cycle: u64,
     keep: Keep,
@@ -231,7 +229,8 @@ impl Simulation {
     /// here and at boundaries, none in a tick.
     ///
     /// # Errors
-    /// If the mesh has no proper surface, the tip starts inside it, or the device cannot be where the tip starts.
+    /// If settings of the scene are out of range or do not go together, the mesh has no proper surface, the tip starts
+    /// inside it, or the device cannot be where the tip starts.
     pub fn prepare(scene: &Scene) -> Result<Self, SceneError> {
         Self::prepare_with(scene, OwnParts::default())
     }
@@ -241,6 +240,9 @@ impl Simulation {
     /// # Errors
     /// As [`prepare`](Self::prepare), or if a part does not fit the scene.
     pub fn prepare_with(scene: &Scene, own: OwnParts) -> Result<Self, SceneError> {
+        if own.mesh.is_none() {
+            scene.check()?;
+        }
         Self::assemble(scene, own).map_err(|error| error.located(scene))
     }
 
@@ -253,21 +255,21 @@ impl Simulation {
         if scene.settle {
             start.x = settle(&network)?;
         }
-        let builder = LocalModelBuilder::new(&network, contact_surface.clone(), scene.local)
-            .with_integrator(scene.integrator, scene.tick);
+        let builder = LocalModelBuilder::new(&network, contact_surface.clone(), scene.local())
+            .with_integrator(scene.integrator, scene.tick_s());
         let cycle = CycleSettings {
             sync: scene.global.sync,
             integrator: scene.global.integrator,
             substeps: scene.global.substeps,
             threads: scene.global.threads,
-            ticks: scene.ticks_per_cycle,
-            tick: scene.tick,
+            ticks_per_cycle: scene.ticks_per_cycle(),
+            tick_s: scene.tick_s(),
             metric: scene.contact.scheme.overwrite_metric(),
         };
         let mut global = GlobalSimulation::new(cycle, network.clone(), builder, start);
         let is_rendered_by_another = own.renderer.is_some();
         if let Some(renderer) = own.renderer {
-            if scene.is_full || scene.global.sync != SyncMode::Replay {
+            if scene.is_full() || scene.global.sync != SyncMode::Replay {
                 return Err(AssemblyError::NoCycle);
             }
             global = global.with_renderer(renderer);
@@ -275,12 +277,12 @@ impl Simulation {
 
         let instrument = match own.instrument {
             Some(instrument) => InstrumentInUse::Own(instrument),
-            None => InstrumentInUse::new(&scene.instrument, &scene.path, scene.tick)?,
+            None => InstrumentInUse::new(&scene.instrument, &scene.path, scene.tick_s())?,
         };
         let smoothing = HandOverSmoothing::new(scene.smoothing_ticks);
         let tip = instrument.start();
         let ModelMessage { model, state, renderer } = global.build_model(tip)?;
-        let mut local = LocalSimulation::new(scene.contact, scene.tick, contact_surface, model, state);
+        let mut local = LocalSimulation::new(scene.contact, scene.tick_s(), contact_surface, model, state);
         local.take_over(renderer);
         let distance = local.shape().signed_distance(tip);
         if !(distance >= -START_TOLERANCE) {
@@ -292,20 +294,20 @@ impl Simulation {
             }
             (true, None) => Keep::Push,
             (true, Some(_)) => Keep::Path,
-            (false, _) if scene.global.sync == SyncMode::Replay && scene.local.extent != Extent::All => Keep::Path,
+            (false, _) if scene.global.sync == SyncMode::Replay && scene.local().extent != Extent::All => Keep::Path,
             (false, _) => Keep::End,
         };
         Ok(Self {
-            servo: Servo::new(local, instrument, smoothing, FailSafe::new(Bounds::new(&network.rest)), scene.tick),
+            servo: Servo::new(local, instrument, smoothing, FailSafe::new(Bounds::new(&network.rest)), scene.tick_s()),
             timeline: scene.timeline(),
             global: GlobalSide::new(global, network.clone()),
             network,
             surface,
-            tick: scene.tick,
-            tick_count: scene.tick_count,
-            ticks_per_cycle: u64::from(scene.ticks_per_cycle),
+            tick_s: scene.tick_s(),
+            tick_count: scene.tick_count(),
+            ticks_per_cycle: u64::from(scene.ticks_per_cycle()),
             keep,
-            is_full: scene.is_full,
+            is_full: scene.is_full(),
         })
     }
 
@@ -377,8 +379,7 @@ impl Simulation {
 /// ```
 /// use stickslip::{pipeline::{Lockstep, Simulation}, scene::Scene};
 ///
-/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// scene.tick_count = 120;
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(120);
 /// let mut run = Lockstep::new(Simulation::prepare(&scene)?);
 /// let mut ticks = 0;
 /// let mut tip = run.servo().tip();
@@ -470,7 +471,7 @@ impl Lockstep {
 
     /// The tick itself.
     fn finish(&mut self, mark: &mut impl FnMut(Moment)) -> Result<TickView<'_>, Fault> {
-        let Simulation { global, network, servo, timeline, tick: step, is_full, keep, .. } = &mut self.simulation;
+        let Simulation { global, network, servo, timeline, tick_s, is_full, keep, .. } = &mut self.simulation;
         let fate = timeline.fate(servo.next_tick());
         mark(Moment::TickBegins);
         let done = servo.tick(fate)?;
@@ -486,7 +487,7 @@ impl Lockstep {
             (None, _) => self.trajectory.record(local.state()),
         }
         if fate != Fate::Skipped {
-            self.energy.book(local, &done.report, done.tip_before, done.tip, *step);
+            self.energy.book(local, &done.report, done.tip_before, done.tip, *tick_s);
         }
         Ok(TickView {
             tick: done.tick,

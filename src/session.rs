@@ -269,8 +269,8 @@ impl Session {
             format: FORMAT.to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             scene_path: std::path::absolute(scene.path_name()).unwrap_or_else(|_| scene.path_name().to_owned()),
-            scene: scene.text().to_owned(),
-            rate_hz: 1.0 / scene.tick,
+            scene: scene.text().unwrap_or_default().to_owned(),
+            rate_hz: scene.local_rate_hz(),
             overrun,
             passes: Vec::new(),
             worst: Vec::new(),
@@ -295,11 +295,11 @@ impl Session {
     /// Its scene, at its rate.
     ///
     /// # Errors
-    /// If it is none, or names a file that is gone.
+    /// If it is none, names a file that is gone, or was built in Rust.
     pub fn scene(&self) -> Result<Scene, SceneError> {
         let scene = Scene::parse(&self.scene, &self.scene_path)?;
-        let is_own_rate = (1.0 / scene.tick).to_bits() == self.rate_hz.to_bits();
-        let mut scene = if is_own_rate { scene } else { scene.at_rate(self.rate_hz)? };
+        let is_own_rate = scene.local_rate_hz().to_bits() == self.rate_hz.to_bits();
+        let mut scene = if is_own_rate { scene } else { scene.with_local_rate_hz(self.rate_hz)? };
         scene.deadline.overrun = self.overrun;
         Ok(scene)
     }

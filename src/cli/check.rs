@@ -143,12 +143,12 @@ pub fn check(arguments: &CheckArguments) -> miette::Result<u8> {
         None => Store::Program,
     };
 
-    let mut progress = Progress::new(loaded.iter().map(|scene| scene.tick_count).sum(), "ticks");
+    let mut progress = Progress::new(loaded.iter().map(|scene| scene.tick_count()).sum(), "ticks");
     let mut checked = Vec::with_capacity(loaded.len());
     for scene in &loaded {
         progress.begin(&scene.name);
         let results = Results::of(scene, |ticks| progress.set(ticks))?;
-        progress.end(scene.tick_count);
+        progress.end(scene.tick_count());
         checked.push(Checked::new(&store, scene, &results));
     }
     drop(progress);
@@ -186,7 +186,7 @@ fn accept_results(scene: &Path, reason: &str, folder: Option<&Path>) -> miette::
             "there is no folder {IN_CLONE} here"
         ),
     };
-    let mut progress = Progress::new(scene.tick_count, "ticks");
+    let mut progress = Progress::new(scene.tick_count(), "ticks");
     progress.begin(&scene.name);
     let results = Results::of(&scene, |ticks| progress.set(ticks))?;
     drop(progress);

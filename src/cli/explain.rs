@@ -141,14 +141,14 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
         fixed_nodes: network.fixed.iter().filter(|&&fixed| fixed).count(),
         springs: network.springs.len(),
         surface_triangles: simulation.surface().triangles.len(),
-        ticks: scene.tick_count,
-        ticks_per_cycle: scene.ticks_per_cycle,
+        ticks: scene.tick_count(),
+        ticks_per_cycle: scene.ticks_per_cycle(),
         patch_nodes: patch.len(),
         patch_springs: patch.springs.len(),
         stiffness_n_per_m: scene.material.stiffness.range(),
         damping_n_s_per_m: scene.material.damping.range(),
     };
-    let linear = matches!(scene.local.linearization, Linearization::Tangent(_));
+    let linear = matches!(scene.local().linearization, Linearization::Tangent(_));
     let rows = 3 * patch.len();
     let step = model.step.as_ref();
     let columns = if step.is_some() || patch.springs.is_damped() || scene.material.drag != 0.0 { 6 } else { 3 };
@@ -167,12 +167,12 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
         GlobalIntegrator::Rk4 => 4,
     };
     let integrates = scene.parts().iter().any(|part| part.name == "replay of the patch's path" && part.needed)
-        || (scene.global.sync == SyncMode::Overwrite && !scene.is_full);
+        || (scene.global.sync == SyncMode::Overwrite && !scene.is_full());
     let evaluations = if integrates { stages * scene.global.substeps } else { 0 };
     let cost_per_cycle = CycleCost {
         force_evaluations: evaluations,
         springs: network.springs.len(),
-        new_models: u32::from(!scene.is_full),
+        new_models: u32::from(!scene.is_full()),
         condensation: model.condensation.map(|(outcome, size)| CondensationCost {
             outcome: match outcome {
                 Outcome::AsAsked => "as asked",
@@ -193,10 +193,10 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
     let global_limit =
         explicit_step_limit(&network.springs, &simulation.global().state().x, &network.inverse_mass, drag);
     let local_step = match scene.integrator {
-        LocalIntegrator::SemiImplicitEuler => Step::new(scene.tick, local_limit),
-        implicit => Step::unlimited(scene.tick, local_limit, implicit.name()),
+        LocalIntegrator::SemiImplicitEuler => Step::new(scene.tick_s(), local_limit),
+        implicit => Step::unlimited(scene.tick_s(), local_limit, implicit.name()),
     };
-    let substep = 1.0 / (scene.global.rate * f64::from(scene.global.substeps));
+    let substep = 1.0 / (scene.global_rate_hz() * f64::from(scene.global.substeps));
     let global_step = match scene.global.integrator {
         GlobalIntegrator::ImplicitEuler => Step::unlimited(substep, global_limit, "implicit-euler"),
         GlobalIntegrator::SemiImplicitEuler | GlobalIntegrator::Rk4 => Step::new(substep, global_limit),
@@ -222,7 +222,7 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
 }
 
 fn warnings(scene: &Scene, simulation: &Simulation, local: &Step, global: Option<&Step>) -> Vec<String> {
-    let mut warnings = scene.warnings.clone();
+    let mut warnings = scene.warnings();
     if local.is_beyond() {
         warnings.push(format!("the local tick is beyond its stability limit: {}", local.text()));
     }
@@ -251,7 +251,7 @@ fn warnings(scene: &Scene, simulation: &Simulation, local: &Step, global: Option
             .collect();
         let middle = on_surface.iter().sum::<Vec3>() / on_surface.len().max(1) as f64;
         let reach = on_surface.iter().map(|x| (x - middle).norm()).fold(0.0, f64::max);
-        let way = scene.path.top_speed() / scene.global.rate;
+        let way = scene.path.top_speed() / scene.global_rate_hz();
         if way > reach {
             warnings.push(format!(
                 "the tip goes up to {:.1} mm in a global cycle and the patch reaches {:.1} mm: contact may leave the patch and become rigid",

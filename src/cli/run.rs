@@ -50,7 +50,7 @@ pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
         }
         None => None,
     };
-    let mut progress = Progress::new(scene.tick_count, "ticks");
+    let mut progress = Progress::new(scene.tick_count(), "ticks");
     progress.begin(&scene.name);
     let (finished, is_same) = execute(&scene, &out, |view| {
         frames.iter_mut().for_each(|frames| frames.record(view));
@@ -82,7 +82,7 @@ pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
     }
     if let Some(fault) = &finished.fault {
         eprintln!("{fault}");
-        let is_frozen = scene.local.linearization == Linearization::Tangent(TangentKind::Exact);
+        let is_frozen = scene.local().linearization == Linearization::Tangent(TangentKind::Exact);
         if matches!(fault.cause, Cause::Runaway { .. }) && is_frozen {
             eprintln!("{RUNAWAY_ADVICE}");
         }

@@ -2,18 +2,22 @@
 
 use super::law::Law;
 use crate::surface::support::Metric;
+use crate::word::words;
 
 /// Below this share of its weight on free patch nodes a contact point is rigid.
 pub const RIGID_BELOW: f64 = 0.5;
 
 /// How the mesh is moved out of (or back to) the tip.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Deformation {
     /// Every free support node by d/Σ_free w: the triangle is pushed (the paper).
+    #[default]
     Rigid,
     /// Node i by wᵢd/s: the smallest displacement that brings the contact point to the tip.
     LeastNorm,
 }
+
+words!(Deformation { Rigid = "rigid", LeastNorm = "least-norm" });
 
 /// What a surface that cannot yield answers with.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,15 +28,22 @@ pub struct Wall {
     pub damping: f64,
 }
 
+impl Default for Wall {
+    /// 1 kN/m, without damping.
+    fn default() -> Self {
+        Self { stiffness: 1000.0, damping: 0.0 }
+    }
+}
+
 /// How a contact constrains the mesh.
 ///
 /// ```
 /// use stickslip::{contact::rules::{Deformation, Scheme}, surface::support::Metric};
 ///
 /// let paper = Scheme::Geometric { deformation: Deformation::Rigid, metric: Metric::Euclidean };
-/// assert_eq!((paper.name(), paper.metric()), ("geometric", Metric::Euclidean));
+/// assert_eq!((paper, paper.metric()), (Scheme::default(), Metric::Euclidean));
 /// // An impulse acts through the masses, whatever P of the global cycle does.
-/// assert_eq!((Scheme::Velocity.name(), Scheme::Velocity.metric()), ("velocity", Metric::Mass));
+/// assert_eq!(Scheme::Velocity.metric(), Metric::Mass);
 /// assert_eq!(Scheme::Velocity.overwrite_metric(), Metric::Euclidean);
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,15 +59,14 @@ pub enum Scheme {
     Velocity,
 }
 
-impl Scheme {
-    /// The name in a scene.
-    pub fn name(self) -> &'static str {
-        match self {
-            Scheme::Geometric { .. } => "geometric",
-            Scheme::Velocity => "velocity",
-        }
+impl Default for Scheme {
+    /// The paper's.
+    fn default() -> Self {
+        Scheme::Geometric { deformation: Deformation::default(), metric: Metric::default() }
     }
+}
 
+impl Scheme {
     /// The inner product in which a tick projects. An impulse acts through the masses.
     pub fn metric(self) -> Metric {
         match self {

@@ -30,7 +30,7 @@ use crate::surface::support::Support;
 /// let contact = local.contact().expect("the tip is in contact");
 /// assert!((local.shape().position(&contact.point) - tip).norm() < 1e-12); // the mesh is where the tip is
 /// assert_eq!(local.state().x.len(), local.model().patch.len() + local.model().patch.boundary.len());
-/// assert_eq!(local.elapsed(), 20.0 * scene.tick);
+/// assert_eq!(local.elapsed(), 20.0 * scene.tick_s());
 /// # Ok::<(), stickslip::scene::SceneError>(())
 /// ```
 #[derive(Debug, Clone)]

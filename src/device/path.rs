@@ -148,6 +148,11 @@ impl TipPath {
         Self::new(waypoints?)
     }
 
+    /// Time of the last waypoint, s.
+    pub fn end(&self) -> f64 {
+        self.waypoints.last().map_or(0.0, |last| last.time)
+    }
+
     /// The tip at a time, s.
     pub fn at(&self, time: f64) -> Vec3 {
         match self.around(time) {

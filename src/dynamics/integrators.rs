@@ -6,6 +6,7 @@ use super::implicit::{Newton, NotSolved};
 use super::rk4::Rk4;
 use crate::model::network::Network;
 use crate::model::state::{State, snap_to_rest};
+use crate::word::words;
 
 /// How the full model is integrated between boundaries.
 ///
@@ -30,9 +31,10 @@ use crate::model::state::{State, snap_to_rest};
 /// let (rk4, evaluations) = left(GlobalIntegrator::Rk4);
 /// assert!((rk4 - 1.0).abs() < 1e-4 && evaluations == 400);
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum GlobalIntegrator {
     /// (11): v ← v + h M⁻¹f, x ← x + h v. First order, symplectic without damping.
+    #[default]
     SemiImplicitEuler,
     /// v ← v + h M⁻¹f(x + hv, v) with the new v, x ← x + h v. First order, stable at every step, dissipative.
     ImplicitEuler,
@@ -40,16 +42,7 @@ pub enum GlobalIntegrator {
     Rk4,
 }
 
-impl GlobalIntegrator {
-    /// The name in a scene.
-    pub fn name(self) -> &'static str {
-        match self {
-            GlobalIntegrator::SemiImplicitEuler => "semi-implicit-euler",
-            GlobalIntegrator::ImplicitEuler => "implicit-euler",
-            GlobalIntegrator::Rk4 => "rk4",
-        }
-    }
-}
+words!(GlobalIntegrator { SemiImplicitEuler = "semi-implicit-euler", ImplicitEuler = "implicit-euler", Rk4 = "rk4" });
 
 /// Integrates one network; holds the arrays that stages need.
 ///

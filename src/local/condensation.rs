@@ -20,6 +20,7 @@ use super::elimination::{BlockPlace, Couplings, Elimination, FactorCost, NotDefi
 use super::patch::Patch;
 use crate::model::network::Network;
 use crate::model::springs::{Spring, TangentKind};
+use crate::word::words;
 use crate::{Mat3, Vec3};
 
 /// Edge of a cell of the coarse grid, in lengths of a spring.
@@ -59,13 +60,16 @@ pub enum Reach {
 }
 
 /// What the exterior beyond [`Reach::Rings`] does.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum FarField {
     /// It stays where it is.
+    #[default]
     Fixed,
     /// It follows as a coarse grid does whose cells are four springs long.
     Coarse,
 }
+
+words!(FarField { Fixed = "fixed", Coarse = "coarse" });
 
 /// What became of the exterior of one model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -33,6 +33,17 @@ impl LocalSettings {
         Self { extent: Extent::All, linearization: Linearization::None, exterior: ExteriorKind::Fixed };
 }
 
+impl Default for LocalSettings {
+    /// The paper's: one ring with its exact tangent, in an exterior that stays where it is.
+    fn default() -> Self {
+        Self {
+            extent: Extent::Rings(1),
+            linearization: Linearization::Tangent(TangentKind::default()),
+            exterior: ExteriorKind::Fixed,
+        }
+    }
+}
+
 /// How the forces on the patch are computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Linearization {
@@ -132,13 +143,14 @@ enum LocalForces {
 /// What moves: one entry per patch slot, then one per boundary slot.
 ///
 /// ```
-/// use stickslip::{Vec3, local::patch::Extent, pipeline::Simulation, scene::Scene};
+/// use stickslip::local::{model::LocalSettings, patch::Extent};
+/// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
 ///
 /// // A larger patch takes over from a smaller one: nodes of both go on from where they are.
-/// let mut scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
+/// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
 /// let before = Simulation::prepare(&scene)?.into_sides().servo.into_local();
-/// scene.local.extent = Extent::Rings(2);
-/// let after = Simulation::prepare(&scene)?.into_sides().servo.into_local();
+/// let two_rings = LocalSettings { extent: Extent::Rings(2), ..scene.local() };
+/// let after = Simulation::prepare(&scene.with_local_model(two_rings))?.into_sides().servo.into_local();
 /// let (small, large) = (&before.model().patch, &after.model().patch);
 /// let (mut left, mut taken) = (before.state().clone(), after.state().clone());
 /// left.x[5] += Vec3::z() * 1e-3;
@@ -189,7 +201,7 @@ pub struct LocalState {
 /// };
 /// let surface = SurfaceModel::faceted(surface);
 /// let mut builder = LocalModelBuilder::new(network, surface, settings)
-///     .with_integrator(LocalIntegrator::ImplicitEuler, scene.tick);
+///     .with_integrator(LocalIntegrator::ImplicitEuler, scene.tick_s());
 ///
 /// // The whole network sinks with 10 mm/s: so does the exterior of its model.
 /// let mut sinking = network.rest_state();

@@ -24,12 +24,14 @@ use nalgebra::{DMatrix, DVector};
 use super::error::ModelError;
 use super::linearization::LinearForces;
 use crate::surface::support::Support;
+use crate::word::words;
 use crate::{Mat3, Vec3};
 
 /// How the local model is integrated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum LocalIntegrator {
     /// (11)–(12), for every model.
+    #[default]
     SemiImplicitEuler,
     /// First order, dissipative, stable at every step. Linear models only, as all that follow.
     ImplicitEuler,
@@ -39,21 +41,7 @@ pub enum LocalIntegrator {
     Exponential,
 }
 
-impl LocalIntegrator {
-    /// All.
-    pub const ALL: [Self; 4] =
-        [Self::SemiImplicitEuler, Self::ImplicitEuler, Self::ImplicitMidpoint, Self::Exponential];
-
-    /// The name in a scene.
-    pub fn name(self) -> &'static str {
-        match self {
-            LocalIntegrator::SemiImplicitEuler => "semi-implicit-euler",
-            LocalIntegrator::ImplicitEuler => "implicit-euler",
-            LocalIntegrator::ImplicitMidpoint => "implicit-midpoint",
-            LocalIntegrator::Exponential => "exponential",
-        }
-    }
-}
+words!(LocalIntegrator { SemiImplicitEuler = "semi-implicit-euler", ImplicitEuler = "implicit-euler", ImplicitMidpoint = "implicit-midpoint", Exponential = "exponential" });
 
 /// One tick of a linear model over its m nodes.
 ///

@@ -23,6 +23,20 @@ pub struct Material {
     pub gravity: Vec3,
 }
 
+impl Material {
+    /// The same mass, kg, for every node and the same stiffness, N/m, and damping, N·s/m, for every spring; no gravity,
+    /// no drag.
+    pub fn uniform(nodes: usize, node_mass: f64, stiffness: f64, damping: f64) -> Self {
+        Self {
+            node_mass: vec![node_mass; nodes],
+            stiffness: stiffness.into(),
+            damping: damping.into(),
+            drag: 0.0,
+            gravity: Vec3::zeros(),
+        }
+    }
+}
+
 /// Why a mesh and a material make no network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum NetworkError {

@@ -25,7 +25,7 @@ use crate::contact::simulation::LocalSimulation;
 /// for _ in 0..100 {
 ///     let next = tip - Vec3::z() * 1e-5; // 10 mm/s
 ///     let report = local.tick(tip, next);
-///     book.book(&local, &report, tip, next, scene.tick);
+///     book.book(&local, &report, tip, next, scene.tick_s());
 ///     tip = next;
 /// }
 /// assert!(book.work > 0.0 && book.elastic > 0.0 && book.damping_loss > 0.0);

@@ -23,16 +23,20 @@ use crate::model::work::WorkCounts;
 use crate::surface::geometry::ContactPoint;
 use crate::surface::subdivision::LARGEST_SUPPORT;
 use crate::surface::support::{Metric, Support};
+use crate::word::words;
 
 /// How the network takes in what happened in the local model.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum SyncMode {
     /// The exterior is integrated with the patch prescribed along its recorded path.
+    #[default]
     Replay,
     /// The whole network is integrated with the contact point of the cycle's start held still,
     /// then the patch is overwritten (the paper's words).
     Overwrite,
 }
+
+words!(SyncMode { Replay = "replay", Overwrite = "overwrite" });
 
 /// The constant settings of the global side.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,9 +50,9 @@ pub struct CycleSettings {
     /// Threads that share them.
     pub threads: Threads,
     /// Ticks per cycle.
-    pub ticks: u32,
+    pub ticks_per_cycle: u32,
     /// h, s.
-    pub tick: f64,
+    pub tick_s: f64,
     /// The inner product of P under [`SyncMode::Overwrite`].
     pub metric: Metric,
 }
@@ -206,7 +210,7 @@ impl GlobalSimulation {
     }
 
     fn replay(&mut self, trajectory: &Trajectory) {
-        let CycleSettings { ticks, substeps, .. } = self.settings;
+        let CycleSettings { ticks_per_cycle: ticks, substeps, .. } = self.settings;
         match trajectory.keeps() {
             Keep::Path => self.integrate(|substep| Replayed { trajectory, substep, ticks, substeps }),
             Keep::Push => {
@@ -245,8 +249,9 @@ impl GlobalSimulation {
     }
 
     fn integrate<C: Constraint>(&mut self, constraint: impl Fn(u32) -> C + Sync) {
-        let CycleSettings { integrator, substeps, ticks, tick, threads, .. } = self.settings;
-        let steps = Steps { length: f64::from(ticks) * tick / f64::from(substeps), count: substeps, threads };
+        let CycleSettings { integrator, substeps, ticks_per_cycle, tick_s, threads, .. } = self.settings;
+        let steps =
+            Steps { length: f64::from(ticks_per_cycle) * tick_s / f64::from(substeps), count: substeps, threads };
         self.stepper.steps(integrator, &self.network, &mut self.state, steps, constraint);
     }
 }

@@ -1,16 +1,17 @@
 //! When things happen in virtual time: which ticks miss their deadline, and when models arrive. What a run
 //! in real time went through is recorded in the same words, so that it can be run again.
 
+use crate::word::words;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 /// What becomes of a tick whose force is not there by its deadline.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum OverrunPolicy {
     /// The instrument keeps the force it was commanded last; the late one is thrown away.
+    #[default]
     Hold,
     /// It is commanded zero.
     Zero,
@@ -18,16 +19,7 @@ pub enum OverrunPolicy {
     Skip,
 }
 
-impl OverrunPolicy {
-    /// As scenes write it.
-    pub fn name(self) -> &'static str {
-        match self {
-            OverrunPolicy::Hold => "hold",
-            OverrunPolicy::Zero => "zero",
-            OverrunPolicy::Skip => "skip",
-        }
-    }
-}
+words!(OverrunPolicy { Hold = "hold", Zero = "zero", Skip = "skip" });
 
 /// Whether a tick met its deadline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -207,7 +199,7 @@ pub struct DrawnTimes {
     deadline: Deadline,
     /// h, s.
     step: f64,
-    cycle_ticks: u64,
+    ticks_per_cycle: u64,
     latency: u64,
     ticks: Draws,
     models: Draws,
@@ -219,9 +211,9 @@ pub struct DrawnTimes {
 
 impl DrawnTimes {
     /// For ticks of `step` seconds.
-    pub fn new(costs: Costs, deadline: Deadline, step: f64, cycle_ticks: u64, latency: u64) -> Self {
+    pub fn new(costs: Costs, deadline: Deadline, step: f64, ticks_per_cycle: u64, latency: u64) -> Self {
         let (ticks, models) = (Draws::new(costs.seed, 0), Draws::new(costs.seed, 1));
-        Self { costs, deadline, step, cycle_ticks, latency, ticks, models, next_release: 0, idle_from: 0.0 }
+        Self { costs, deadline, step, ticks_per_cycle, latency, ticks, models, next_release: 0, idle_from: 0.0 }
     }
 
     fn fate(&mut self, tick: u64) -> Fate {
@@ -242,7 +234,7 @@ impl DrawnTimes {
     fn model_due(&mut self, boundary: u64) -> Option<u64> {
         // Whoever is done takes the newest boundary that has passed.
         let start = self.idle_from.max(boundary as f64);
-        if start >= (boundary + self.cycle_ticks) as f64 {
+        if start >= (boundary + self.ticks_per_cycle) as f64 {
             return None;
         }
         self.idle_from = start + self.models.draw(&self.costs.model) / self.step;

@@ -20,7 +20,7 @@ use crate::surface::geometry::{ContactPoint, SurfaceModel};
 /// let mut trajectory = Trajectory::new(Keep::Path);
 /// trajectory.begin_at(&[node], &[start], &[speed], 0, 100);
 /// for tick in 1..=100 {
-///     trajectory.record_at(&[start + speed * (f64::from(tick) * scene.tick)], &[speed]);
+///     trajectory.record_at(&[start + speed * (f64::from(tick) * scene.tick_s())], &[speed]);
 /// }
 /// global.catch_up(&CycleMessage { trajectory, contact: None, tip: start })?;
 /// let x = &global.state().x;

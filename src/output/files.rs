@@ -62,8 +62,8 @@ pub struct FinishedRun {
 /// ```
 /// use stickslip::{output::files::run_into, scene::Scene};
 ///
-/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// scene.tick_count = 150; // the tip meets the block after 80
+/// // the tip meets the block after 80
+/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let folder = tempfile::tempdir()?;
 /// let run = run_into(&scene, folder.path(), |_| ())?;
 /// assert!(run.summary.passes() && run.fault.is_none());

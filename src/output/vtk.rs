@@ -36,8 +36,8 @@ const FRAMES: &str = "vtk";
 /// ```
 /// use stickslip::{output::vtk::VtkWriter, pipeline, scene::Scene};
 ///
-/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// scene.tick_count = 150; // the tip meets the block after 80
+/// // the tip meets the block after 80
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let folder = tempfile::tempdir()?;
 /// let mut writer = VtkWriter::new(folder.path(), 50)?;
 /// pipeline::run(&scene, |tick| writer.record(tick))?;

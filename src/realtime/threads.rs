@@ -87,7 +87,7 @@ pub struct LoopSettings {
     /// h, s.
     pub step: f64,
     /// Ticks of a global cycle.
-    pub cycle_ticks: u64,
+    pub ticks_per_cycle: u64,
     /// How much of the patch's path goes up; `None` if there are no cycles.
     pub keep: Option<Keep>,
     /// Of every tick.
@@ -220,7 +220,7 @@ pub fn serve(
     let deadline_ns = nanoseconds(settings.deadline.after);
     let mut meter = Meter::new(ticks, deadline_ns);
     let first_nodes = passes.first().ok_or(NotServed::NoPass)?.servo.local().model().patch.nodes.clone();
-    let (servo_end, global_end) = channel(settings.cycle_ticks, settings.keep, &first_nodes);
+    let (servo_end, global_end) = channel(settings.ticks_per_cycle, settings.keep, &first_nodes);
     let mut passes = passes;
     let sides: Vec<_> = passes.iter_mut().map(|pass| (pass.global.take(), pass.ticks)).collect();
     let first_patches: Vec<Vec<u32>> =
@@ -326,7 +326,7 @@ fn run_loop(
     settings: LoopSettings,
     stop: &AtomicBool,
 ) -> (Window, bool) {
-    let LoopSettings { step, cycle_ticks, deadline, control, .. } = settings;
+    let LoopSettings { step, ticks_per_cycle, deadline, control, .. } = settings;
     let start = os::now_ns() + nanoseconds(LEAD_S);
     let half = nanoseconds(step / 2.0);
     // Releases are counted over all passes: a new pass keeps to the beat.
@@ -357,7 +357,7 @@ fn run_loop(
             os::sleep_until_ns(release);
             let cpu = os::thread_cpu_ns();
             let begin = os::now_ns();
-            let report = match arrive(pass, &mut end, tick, cycle_ticks).and_then(|()| pass.servo.compute(tip)) {
+            let report = match arrive(pass, &mut end, tick, ticks_per_cycle).and_then(|()| pass.servo.compute(tip)) {
                 Ok(report) => report,
                 Err(fault) => {
                     pass.fault = Some(fault);
@@ -382,7 +382,7 @@ fn run_loop(
 
             if !on_time && deadline.overrun == OverrunPolicy::Skip {
                 while release_of(released) < command && pass.servo.next_tick() < pass.ticks {
-                    if let Err(fault) = skip(pass, &mut end, cycle_ticks) {
+                    if let Err(fault) = skip(pass, &mut end, ticks_per_cycle) {
                         pass.fault = Some(fault);
                         break 'passes;
                     }
@@ -415,7 +415,7 @@ fn run_loop(
 }
 
 /// A model that has arrived comes into use, and a segment of the path begins with it or with a cycle.
-fn arrive(pass: &mut Pass, end: &mut ServoEnd, tick: u64, cycle_ticks: u64) -> Result<(), Fault> {
+fn arrive(pass: &mut Pass, end: &mut ServoEnd, tick: u64, ticks_per_cycle: u64) -> Result<(), Fault> {
     match end.take_model(&mut pass.servo) {
         Err((from, cause)) => {
             pass.times.arrivals.push(Arrival { from, at: tick });
@@ -425,15 +425,15 @@ fn arrive(pass: &mut Pass, end: &mut ServoEnd, tick: u64, cycle_ticks: u64) -> R
             pass.times.arrivals.push(Arrival { from, at: tick });
             end.begin_segment(&pass.servo);
         }
-        Ok(None) if tick > 0 && tick.is_multiple_of(cycle_ticks) => end.begin_segment(&pass.servo),
+        Ok(None) if tick > 0 && tick.is_multiple_of(ticks_per_cycle) => end.begin_segment(&pass.servo),
         Ok(None) => {}
     }
     Ok(())
 }
 
 /// A release that passed while a tick was being computed.
-fn skip(pass: &mut Pass, end: &mut ServoEnd, cycle_ticks: u64) -> Result<(), Fault> {
-    if pass.servo.next_tick().is_multiple_of(cycle_ticks) {
+fn skip(pass: &mut Pass, end: &mut ServoEnd, ticks_per_cycle: u64) -> Result<(), Fault> {
+    if pass.servo.next_tick().is_multiple_of(ticks_per_cycle) {
         end.begin_segment(&pass.servo);
     }
     let done = pass.servo.skip()?;

@@ -5,11 +5,13 @@ use std::sync::Arc;
 use super::subdivision::{LARGEST_SUPPORT, LimitSurface};
 use crate::Vec3;
 use crate::model::topology::{Surface, SurfaceError};
+use crate::word::words;
 
 /// Which surface the tip feels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum ContactSurface {
     /// The triangles with their face normals (the paper). The normal jumps at an edge.
+    #[default]
     Faceted,
     /// The triangles with normals interpolated from the vertices. No jump, but not the normal of
     /// what slides: it creates energy.
@@ -17,6 +19,8 @@ pub enum ContactSurface {
     /// The Loop limit surface with its true normal: no jump, and no energy from nowhere.
     Subdivision,
 }
+
+words!(ContactSurface { Faceted = "faceted", Shaded = "shaded", Subdivision = "subdivision" });
 
 /// A contact surface with what is prepared for it once per mesh.
 ///

@@ -9,6 +9,7 @@
 //! held against each other by property tests.
 
 use crate::Vec3;
+use crate::word::words;
 
 /// The inner product in which P and Q are orthogonal projectors.
 ///
@@ -28,14 +29,17 @@ use crate::Vec3;
 /// assert!(energy_after(Metric::Mass) < before); // as an inelastic impact should
 /// assert!(energy_after(Metric::Euclidean) > 10.0 * before);
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Metric {
     /// The paper's. With unequal masses P can raise kinetic energy, and λ is not the Lagrange
     /// multiplier of the constraint.
+    #[default]
     Euclidean,
     /// ⟨a, b⟩ = aᵀM b. Equal to the Euclidean one for equal masses.
     Mass,
 }
+
+words!(Metric { Euclidean = "euclidean", Mass = "mass" });
 
 /// A free node that carries part of the contact point.
 #[derive(Debug, Clone, Copy, PartialEq)]

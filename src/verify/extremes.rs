@@ -11,7 +11,6 @@ use serde::Serialize;
 use crate::Vec3;
 use crate::contact::law::Law;
 use crate::contact::rules::Scheme;
-use crate::local::model::LocalSettings;
 use crate::model::mesh::{Block, Mesh, Stencil};
 use crate::multirate::failsafe::{Cause, Fault};
 use crate::pipeline::{OwnParts, Simulation};
@@ -449,7 +448,7 @@ fn pressed_at_the_end_whole(scene: &mut Scene) {
 
 /// The whole network at the local rate.
 fn whole(scene: &mut Scene) {
-    (scene.local, scene.is_full) = (LocalSettings::FULL, true);
+    *scene = scene.clone().with_full_model();
 }
 
 fn sliding(scene: &mut Scene) {
@@ -464,6 +463,5 @@ fn sticking(scene: &mut Scene) {
 fn softer_and_slower(scene: &mut Scene) {
     scene.material.stiffness /= 1e6;
     scene.material.damping /= 1e3;
-    scene.tick *= 1e3;
-    scene.path = scene.path.transformed(1e3, |x| x);
+    *scene = scene.clone().with_slower_time(1e3);
 }

@@ -14,7 +14,7 @@ use crate::local::model::ExteriorKind;
 use crate::local::step::LocalIntegrator;
 use crate::model::network::NetworkError;
 use crate::model::springs::TangentKind;
-use crate::scene::Scene;
+use crate::scene::{Scene, SchemeName};
 
 /// Steps that are tried, s.
 const SHORTEST: f64 = 1e-9;
@@ -199,7 +199,7 @@ pub fn boundaries(scene: &Scene, point: &MapPoint) -> Result<[Boundary; 2], MapE
         let reason = if agrees { None } else { model.reason(touching, measured_s, predicted_s) };
         Boundary {
             integrator: point.integrator.name(),
-            scheme: scheme(scene, point.integrator).name(),
+            scheme: SchemeName::from(scheme(scene, point.integrator)).name(),
             exterior: point.exterior.0,
             touching,
             axis: point.axis,

@@ -6,8 +6,6 @@ use serde::Serialize;
 use crate::Vec3;
 use crate::contact::law::{Law, Mode};
 use crate::contact::rules::{Deformation, Scheme};
-use crate::local::model::LocalSettings;
-use crate::local::step::LocalIntegrator;
 use crate::model::mesh::Block;
 use crate::multirate::energy::EnergyBook;
 use crate::output::spectrum::power_above;
@@ -117,10 +115,7 @@ pub fn grid(refinement: usize) -> Vec<Combination> {
 /// # Ok::<(), stickslip::scene::SceneError>(())
 /// ```
 pub fn whole(scene: &Scene, surface: ContactSurface, scheme: Scheme) -> Scene {
-    let mut scene = scene.clone();
-    (scene.local, scene.is_full, scene.integrator) = (LocalSettings::FULL, true, LocalIntegrator::SemiImplicitEuler);
-    (scene.surface, scene.contact.scheme) = (surface, scheme);
-    scene
+    scene.clone().with_full_model().with_surface(surface).with_scheme(scheme)
 }
 
 fn refine(scene: &mut Scene, refinement: usize) {
@@ -132,8 +127,8 @@ fn refine(scene: &mut Scene, refinement: usize) {
         stencil: coarse.stencil,
     };
     let count = block.nodes.iter().product();
-    scene.mesh = MeshSource::Block(block);
-    scene.fixed = (0..count).map(|node| block.is_bottom(node)).collect();
+    scene.mesh = block.into();
+    scene.fixed = scene.mesh.bottom();
     let material = &mut scene.material;
     let mass = material.node_mass.first().copied().unwrap_or_default();
     material.node_mass = vec![mass / factor.powi(3); count];
@@ -153,7 +148,7 @@ fn refine(scene: &mut Scene, refinement: usize) {
 ///     let scene = Scene::shipped(name).expect("shipped with the program");
 ///     let mut done = 0;
 ///     let felt = feel(&scene, |ticks| done = ticks);
-///     assert_eq!(done, scene.tick_count);
+///     assert_eq!(done, scene.tick_count());
 ///     felt
 /// };
 /// // From facet to facet the normal jumps, and the force with it.
@@ -162,7 +157,7 @@ fn refine(scene: &mut Scene, refinement: usize) {
 /// # Ok::<(), stickslip::pipeline::RunError>(())
 /// ```
 pub fn feel(scene: &Scene, mut progress: impl FnMut(u64)) -> Result<Felt, RunError> {
-    let settled = (SETTLED_S / scene.tick) as u64;
+    let settled = (SETTLED_S / scene.tick_s()) as u64;
     let (mut forces, mut modes): (Vec<Vec3>, Vec<Mode>) = (Vec::new(), Vec::new());
     let mut energy = EnergyBook::default();
     let end = pipeline::run(scene, |view| {
@@ -188,10 +183,10 @@ pub fn feel(scene: &Scene, mut progress: impl FnMut(u64)) -> Result<Felt, RunErr
         mean_force_n: mean,
         largest_jump_n: jump,
         jump_relative: jump / mean,
-        power_above_100_hz_n2: power_above(&forces, 1.0 / scene.tick, RIPPLE_HZ),
+        power_above_100_hz_n2: power_above(&forces, scene.local_rate_hz(), RIPPLE_HZ),
         mesh_ripple_relative: slides.then(|| ripple(scene, &forces).map(|amplitude| amplitude / mean)).flatten(),
         contact_losses: losses as u64,
-        mode_switches_per_s: switches as f64 / (forces.len() as f64 * scene.tick),
+        mode_switches_per_s: switches as f64 / (forces.len() as f64 * scene.tick_s()),
         energy_residual_relative: energy.residual() / energy.absolute_work,
     })
 }
@@ -199,8 +194,8 @@ pub fn feel(scene: &Scene, mut progress: impl FnMut(u64)) -> Result<Felt, RunErr
 /// Amplitude of the force's magnitude at the frequency at which the tip passes from edge to edge, N, over
 /// the last whole number of edges; `None` for a tip that does not pass one.
 fn ripple(scene: &Scene, forces: &[Vec3]) -> Option<f64> {
-    let end = scene.tick_count as f64 * scene.tick;
-    let way = scene.path.at(end) - scene.path.at(end - scene.tick);
+    let end = scene.tick_count() as f64 * scene.tick_s();
+    let way = scene.path.at(end) - scene.path.at(end - scene.tick_s());
     let edges_per_tick = way.norm() / scene.mesh.spacing();
     let ticks_per_edge = (1.0 / edges_per_tick).round();
     if !(ticks_per_edge >= 2.0 && ticks_per_edge <= forces.len() as f64) {

@@ -220,7 +220,7 @@ fn compare(scene: &Scene, grid: Grid, budget: Budget, patience: Duration) -> mie
     Ok(AccuracyFile {
         scene: scene.name.clone(),
         version: env!("CARGO_PKG_VERSION"),
-        cycle_rate: scene.global.rate,
+        cycle_rate: scene.global_rate_hz(),
         budget,
         best: best(&points, &references, budget),
         points,

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use maud::Markup;
 
@@ -50,8 +51,8 @@ pub struct CertifyArguments {
     #[arg(long, value_enum, default_value_t = LoadName::None)]
     load: LoadName,
     /// What a missed deadline does (default: the scene's, or else hold)
-    #[arg(long, value_enum)]
-    policy: Option<PolicyName>,
+    #[arg(long, value_parser = policy_parser())]
+    policy: Option<OverrunPolicy>,
     /// Where the files go (default: reports/<scene name>)
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -62,13 +63,6 @@ enum LoadName {
     None,
     Cpu,
     Memory,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum PolicyName {
-    Hold,
-    Zero,
-    Skip,
 }
 
 pub fn certify(arguments: &CertifyArguments) -> miette::Result<u8> {
@@ -92,32 +86,37 @@ pub fn brief(scene: &Scene, duration_s: f64, out: &Path) -> miette::Result<(Cert
     Ok((certificate, section))
 }
 
+/// Takes the words that scenes have for it.
+fn policy_parser() -> impl TypedValueParser<Value = OverrunPolicy> {
+    PossibleValuesParser::new(OverrunPolicy::NAMES).try_map(|word| {
+        let found = OverrunPolicy::ALL.into_iter().find(|policy| policy.name() == word);
+        found.ok_or("no such policy")
+    })
+}
+
 /// The scene with what the command line changes.
 fn asked_for(arguments: &CertifyArguments) -> miette::Result<Scene> {
     let (mut scene, _) = load(&arguments.scene)?;
     if let Some(rate) = arguments.rate {
-        scene = scene.at_rate(rate)?;
+        scene = scene.with_local_rate_hz(rate)?;
     }
     if let Some(us) = arguments.deadline {
         let after = us * 1e-6;
-        if !(after > 0.0 && after <= scene.tick) {
+        if !(after > 0.0 && after <= scene.tick_s()) {
             return Err(miette::miette!(
                 help = "a deadline is above 0 and at most a tick",
                 "a deadline of {us} µs is not possible with ticks of {} µs",
-                scene.tick * 1e6
+                scene.tick_s() * 1e6
             ));
         }
         scene.deadline.after = after;
     }
-    match arguments.policy {
-        None => {}
-        Some(PolicyName::Hold) => scene.deadline.overrun = OverrunPolicy::Hold,
-        Some(PolicyName::Zero) => scene.deadline.overrun = OverrunPolicy::Zero,
-        Some(PolicyName::Skip) => scene.deadline.overrun = OverrunPolicy::Skip,
+    if let Some(overrun) = arguments.policy {
+        scene.deadline.overrun = overrun;
     }
-    if !(arguments.duration > 0.0 && arguments.duration <= MOST_PASSES as f64 * scene.duration) {
+    if !(arguments.duration > 0.0 && arguments.duration <= MOST_PASSES as f64 * scene.duration_s()) {
         return Err(miette::miette!(
-            help = format!("give one above 0, at most {MOST_PASSES} times the scene's {} s", scene.duration),
+            help = format!("give one above 0, at most {MOST_PASSES} times the scene's {} s", scene.duration_s()),
             "a duration of {} s is not possible",
             arguments.duration
         ));
@@ -131,7 +130,7 @@ type Figures = Vec<(&'static str, String)>;
 /// Measures a scene's loop, does its worst ticks again, judges, and writes everything into a folder.
 fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette::Result<(Certificate, Figures)> {
     let stop = interrupt::flag()?;
-    let ticks = (duration_s / scene.tick).round().max(1.0) as u64;
+    let ticks = (duration_s / scene.tick_s()).round().max(1.0) as u64;
     let (passes, warm_up) = prepare(scene, ticks, stop)?;
     let settings = loop_settings(scene, &warm_up, true);
     let cpus = os::affinity();
@@ -158,7 +157,7 @@ fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette
         &served,
         Circumstances {
             scene: scene.name.clone(),
-            rate_hz: 1.0 / scene.tick,
+            rate_hz: scene.local_rate_hz(),
             overrun: scene.deadline.overrun,
             load: words,
             steal,
@@ -184,7 +183,7 @@ fn prepare(scene: &Scene, ticks: u64, stop: &AtomicBool) -> Result<(Vec<Pass>, S
     let mut passes = Vec::new();
     let mut left = ticks;
     while left > 0 && !stop.load(Ordering::Relaxed) {
-        let of_this = left.min(scene.tick_count);
+        let of_this = left.min(scene.tick_count());
         passes.push(Pass::new(Simulation::prepare(scene)?, of_this, false));
         left -= of_this;
     }

@@ -25,8 +25,8 @@ const BUCKETS: usize = 2000;
 /// use stickslip::{output::figures::forces::forces, output::summary::Recorder};
 /// use stickslip::{pipeline, scene::Scene};
 ///
-/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// scene.tick_count = 150; // the tip meets the block after 80
+/// // the tip meets the block after 80
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let mut recorder = Recorder::default();
 /// pipeline::run(&scene, |tick| recorder.record(tick))?;
 /// let svg = forces(&scene.name, recorder.samples())?;

@@ -95,14 +95,14 @@ pub fn precision(figure: &Precision) -> io::Result<String> {
 ///
 /// ```
 /// use stickslip::{output::figures::precision::compared_forces, output::summary::Recorder};
-/// use stickslip::{pipeline, local::patch::Extent, scene::Scene};
+/// use stickslip::local::{model::LocalSettings, patch::Extent};
+/// use stickslip::{pipeline, scene::Scene};
 ///
-/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// scene.tick_count = 150;
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let mut recorders = [1, 2].map(|rings| (rings, Recorder::default()));
 /// for (rings, recorder) in &mut recorders {
-///     scene.local.extent = Extent::Rings(*rings);
-///     pipeline::run(&scene, |tick| recorder.record(tick))?;
+///     let local = LocalSettings { extent: Extent::Rings(*rings), ..scene.local() };
+///     pipeline::run(&scene.clone().with_local_model(local), |tick| recorder.record(tick))?;
 /// }
 /// let [one, two] = recorders.each_ref().map(|(_, recorder)| recorder.samples());
 /// assert!(two[149].normal_force < one[149].normal_force); // more of the block gives way

@@ -52,7 +52,7 @@ impl Watch {
             moved: vec![0.0; mesh.nodes.len()],
             remains: f64::NAN,
             condensation: None,
-            last_tick: scene.tick_count - 1,
+            last_tick: scene.tick_count() - 1,
         }
     }
 

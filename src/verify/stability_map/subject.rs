@@ -81,7 +81,7 @@ impl Subject {
         if point.axis == Axis::Stiffness {
             material.stiffness = point.value.into();
         }
-        let tangent = match scene.local.linearization {
+        let tangent = match scene.local().linearization {
             Linearization::Tangent(kind) => kind,
             Linearization::None => TangentKind::Exact,
         };
@@ -93,7 +93,7 @@ impl Subject {
         };
         let scheme = scheme(scene, point.integrator);
         let rules = ContactRules { law: Law::Sticking, scheme, ..scene.contact };
-        let mut extent = scene.local.extent;
+        let mut extent = scene.local().extent;
         let (mut model, mut state) = build(&material, ExteriorKind::Fixed, extent, None)?;
         if extent == Extent::All || model.patch.len() > LARGEST_PATCH {
             extent = Extent::Rings(1);
