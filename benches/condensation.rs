@@ -7,12 +7,12 @@ use std::hint::black_box;
 
 use criterion::Criterion;
 use stickslip::Vec3;
-use stickslip::model::condensation::{Condensation, Condenser, FarField, Reach};
+use stickslip::local::condensation::{Condensation, Condenser, FarField, Reach};
+use stickslip::local::patch::{Extent, PatchSelector};
 use stickslip::model::mesh::{Block, Stencil};
 use stickslip::model::network::{Material, Network};
-use stickslip::model::patch::{Extent, PatchSelector};
 use stickslip::model::springs::TangentKind;
-use stickslip::model::surface::Surface;
+use stickslip::model::topology::Surface;
 
 fn main() {
     let mut criterion = Criterion::default().configure_from_args().sample_size(10);

@@ -11,15 +11,16 @@ use std::sync::Arc;
 
 use criterion::Criterion;
 use stickslip::Vec3;
-use stickslip::contact::surface::ContactGeometry;
-use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper, Steps, Threads, Unconstrained};
-use stickslip::model::linearization::LinearForces;
-use stickslip::model::local::{ExteriorKind, Linearization, LocalModelBuilder, LocalSettings};
+use stickslip::dynamics::constraint::{Steps, Threads, Unconstrained};
+use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper};
+use stickslip::local::linearization::LinearForces;
+use stickslip::local::model::{ExteriorKind, Linearization, LocalModelBuilder, LocalSettings};
+use stickslip::local::patch::{Extent, PatchSelector};
 use stickslip::model::mesh::{Block, Stencil};
 use stickslip::model::network::{Material, Network};
-use stickslip::model::patch::{Extent, PatchSelector};
 use stickslip::model::springs::TangentKind;
-use stickslip::model::surface::Surface;
+use stickslip::model::topology::Surface;
+use stickslip::surface::geometry::SurfaceModel;
 
 const STEPS: u32 = 100;
 
@@ -97,7 +98,7 @@ fn build(nodes: [usize; 3]) -> impl FnMut() {
     let state = network.rest_state();
     let linearization = Linearization::Tangent(TangentKind::Exact);
     let settings = LocalSettings { extent: Extent::Rings(1), linearization, exterior: ExteriorKind::Fixed };
-    let mut builder = LocalModelBuilder::new(&network, surface, ContactGeometry::Faceted, settings);
+    let mut builder = LocalModelBuilder::new(&network, SurfaceModel::faceted(surface), settings);
     move || drop(black_box(builder.build(&network, black_box(&state), Vec3::zeros(), None)))
 }
 

@@ -14,16 +14,17 @@ use criterion::Criterion;
 use nalgebra::{DMatrix, DVector};
 use stickslip::Vec3;
 use stickslip::contact::law::Law;
-use stickslip::contact::surface::ContactSurface;
-use stickslip::contact::tick::{LocalSimulation, Scheme};
-use stickslip::model::local::LocalSettings;
+use stickslip::contact::rules::Scheme;
+use stickslip::contact::simulation::LocalSimulation;
+use stickslip::local::model::LocalSettings;
 use stickslip::pipeline::Simulation;
 use stickslip::scene::Scene;
+use stickslip::surface::geometry::ContactSurface;
 
 fn local(change: impl FnOnce(&mut Scene)) -> LocalSimulation {
     let mut scene = Scene::shipped("fig5-stick-slip").expect("a shipped scene");
     change(&mut scene);
-    Simulation::prepare(&scene).expect("it starts outside").into_sides().1
+    Simulation::prepare(&scene).expect("it starts outside").into_sides().servo.into_local()
 }
 
 /// A tip that goes back and forth by a millimetre at 50 mm/s, at a height over the rest surface.
@@ -113,7 +114,7 @@ fn main() {
         ),
         (
             "tick in contact, full network of 324 nodes",
-            Box::new(ticking(local(|s| s.local = LocalSettings::FULL), PRESSED)),
+            Box::new(ticking(local(|s| *s = s.clone().with_local_model(LocalSettings::FULL)), PRESSED)),
         ),
     ];
 

@@ -1,13 +1,13 @@
 //! The engine of `stickslip accuracy`: what local models are off, and what it says of those that fail.
 
-use stickslip::model::condensation::{Condensation, Reach};
-use stickslip::model::local::{ExteriorKind, Linearization, LocalSettings};
-use stickslip::model::patch::Extent;
+use stickslip::local::condensation::{Condensation, Reach};
+use stickslip::local::model::{ExteriorKind, Linearization, LocalSettings};
+use stickslip::local::patch::Extent;
+use stickslip::local::step::LocalIntegrator;
 use stickslip::model::springs::TangentKind;
-use stickslip::model::step::LocalIntegrator;
-use stickslip::scene::Scene;
+use stickslip::scene::{Rings, Scene};
 use stickslip::verify::accuracy::{
-    Assessment, Coverage, Method, PAPER, PAPER_RATE_HZ, Reference, Rings, Status, Touching, grid,
+    Assessment, Coverage, Method, PAPER, PAPER_RATE_HZ, Reference, Status, Touching, grid,
 };
 
 use crate::check::{PRESS_AND_DRAG, Worst, shipped, small_scene};
@@ -81,7 +81,7 @@ fn what_runs_away_is_diverged_and_kept() {
     let own = Method::of(&scene);
     assert!(grid(&scene, Coverage::Default).expect("a grid").methods.contains(&own));
     let reference = Reference::of(&scene, own.touching).expect("it starts outside");
-    let found = assess(&scene, &reference, scene.local);
+    let found = assess(&scene, &reference, scene.local());
     assert!(found.record.fault.as_ref().is_some_and(|fault| fault.contains("ran away")), "{:?}", found.record.fault);
     assert_eq!((found.status(true), found.status(false)), (Status::Diverged, Status::Diverged));
     assert_eq!(found.record.samples().len(), 1200);
@@ -153,7 +153,7 @@ fn methods_become_scenes() {
     let scene = small_scene("law = \"sliding\"", "rings = 1", PRESS_AND_DRAG);
     let method = Method { global_rate: 50.0, ..Method::of(&scene) };
     let often = method.scene(&scene);
-    assert_eq!((often.global.rate, often.ticks_per_cycle, often.global.substeps), (50.0, 20, 20));
+    assert_eq!((often.global_rate_hz(), often.ticks_per_cycle(), often.global.substeps), (50.0, 20, 20));
     assert_eq!(Method::of(&often), method);
     let names = method.names();
     assert_eq!((names.rings, names.exterior, names.tangent), (Rings::Count(1), Some("fixed"), Some("exact")));

@@ -4,14 +4,14 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use stickslip::Vec3;
-use stickslip::contact::law::{Law, Mode};
 use stickslip::device::coupling::{CouplingSettings, HandOverSmoothing, PassivityController, VirtualCoupling};
-use stickslip::device::instrument::{TipPath, Waypoint};
+use stickslip::device::path::{TipPath, Waypoint};
 use stickslip::device::phantom::{Phantom, PhantomSettings};
-use stickslip::pipeline::Simulation;
-use stickslip::scene::Scene;
-use stickslip::timeline::{Fate, OverrunPolicy};
+use stickslip::multirate::timeline::{Fate, OverrunPolicy};
+use stickslip::{
+    Body, BodyState, ContactLaw, Instrument, InstrumentFault, Law, Mode, OwnParts, Rendered, Renderer, RendererFault,
+    RendererModel, Scene, Simulation, Vec3,
+};
 
 struct Counting;
 
@@ -79,7 +79,7 @@ fn a_hundred_thousand_ticks_allocate_nothing() {
                 "allocation.toml".as_ref(),
             )
             .expect("a scene");
-            let (_, mut local) = Simulation::prepare(&scene).expect("it starts outside").into_sides();
+            let mut local = Simulation::prepare(&scene).expect("it starts outside").into_sides().servo.into_local();
             let mut seen = [0_u64; 4];
             let (mut collisions, mut releases, mut tension, mut crossings) = (0, 0, 0, 0);
             let mut triangle = None;
@@ -106,7 +106,7 @@ fn a_hundred_thousand_ticks_allocate_nothing() {
             let expected = match scene.contact.law {
                 Law::Sliding => [true, false, true, false],
                 Law::Sticking => [true, true, true, false],
-                Law::StickSlip { .. } => [true; 4],
+                Law::StickSlip { .. } | Law::Own(_) => [true; 4],
             };
             assert_eq!(seen.map(|count| count > 0), expected, "{law} {surface}: {seen:?}");
             assert!(tension > 0, "{law} {surface}: no tension");
@@ -155,7 +155,7 @@ fn a_servo_tick_with_a_device_allocates_nothing() {
     let text = include_str!("../fixtures/closed-loop/stick-slip-by-hand.toml")
         .replace("kind = ", "smoothing_ticks = 20\npassivity_control = true\ncoupling = {}\nkind = ");
     let scene = Scene::parse(&text, "allocation.toml".as_ref()).expect("a scene");
-    let (mut servo, _) = Simulation::prepare(&scene).expect("it starts outside").into_loops();
+    let mut servo = Simulation::prepare(&scene).expect("it starts outside").into_sides().servo;
     let mut touching = 0;
     let count = allocations(|| {
         for tick in 0..1000 {
@@ -172,4 +172,60 @@ fn a_servo_tick_with_a_device_allocates_nothing() {
     });
     assert!(touching > 500, "{touching} ticks in contact");
     assert_eq!(count, 0);
+}
+
+/// What the seam for a law, an instrument and a renderer of one's own adds to a servo tick.
+#[test]
+fn a_servo_tick_with_own_parts_allocates_nothing() {
+    #[derive(Debug)]
+    struct Coulomb;
+    impl ContactLaw for Coulomb {
+        fn contact_force(&self, reaction: Vec3, normal: Vec3) -> (Mode, Vec3) {
+            Law::StickSlip { friction: 0.3 }.contact_force(reaction, normal)
+        }
+    }
+    #[derive(Debug, Clone)]
+    struct Press;
+    impl Instrument for Press {
+        fn start(&self) -> Vec3 {
+            Vec3::new(0.0, 0.0, 0.002)
+        }
+        fn sense(&mut self, _: f64, end_s: f64, _: &Vec3) -> Result<Vec3, InstrumentFault> {
+            Ok(Vec3::new(0.02 * end_s, 0.0, (0.002 - 0.03 * end_s).max(-0.003)))
+        }
+        fn command(&mut self, contact_force: &Vec3) -> Vec3 {
+            *contact_force
+        }
+        fn release(&mut self) {}
+    }
+    #[derive(Debug, Clone)]
+    struct Floor;
+    impl Renderer for Floor {
+        fn build(&mut self, _: Body<'_>, _: BodyState<'_>) -> Result<Box<dyn RendererModel>, RendererFault> {
+            Ok(Box::new(Floor))
+        }
+    }
+    impl RendererModel for Floor {
+        fn tick(&mut self, _: Vec3, tip: Vec3) -> Result<Rendered, RendererFault> {
+            let (force, mode) = (Vec3::z() * (-100.0 * tip.z).max(0.0), Mode::Slide);
+            Ok(Rendered { force, mode, contact: None })
+        }
+    }
+
+    let mut scene = Scene::shipped("fig5-stick-slip").expect("shipped with the program");
+    scene.contact.law = Law::Own(&Coulomb);
+    let renderers: [Option<Box<dyn Renderer>>; 2] = [None, Some(Box::new(Floor))];
+    for renderer in renderers {
+        let own = OwnParts { instrument: Some(Box::new(Press)), renderer, ..OwnParts::default() };
+        let mut servo = Simulation::prepare_with(&scene, own).expect("it starts outside").into_sides().servo;
+        let mut pressing = 0;
+        let count = allocations(|| {
+            for _ in 0..1000 {
+                let done = servo.tick(Fate::OnTime).expect("no fault");
+                pressing += u32::from(done.force.z > 0.0);
+            }
+        });
+        assert!(pressing > 500, "{pressing} ticks with a force");
+        assert_eq!(count, 0);
+    }
 }

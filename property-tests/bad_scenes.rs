@@ -30,7 +30,12 @@ const KIND: &str = "kind = \"path\"";
 
 /// (what is wrong, text in the good scene, its replacement, words that the message must have)
 const BAD: &[(&str, &str, &str, &[&str])] = &[
-    ("unknown key", "substeps = 100", "sub_steps = 100", &["unknown field `sub_steps`", "substeps", ":20:"]),
+    (
+        "unknown key",
+        "substeps = 100",
+        "sub_steps = 100",
+        &["unknown field `sub_steps`", "did you mean `substeps`?", ":20:"],
+    ),
     ("negative cost", "[sync]", "[timing]\ntick_cost = -1e-3\n[sync]", &["timing.tick_cost", "-0.001"]),
     ("no costs", "[sync]", "[timing]\ntick_cost = []\n[sync]", &["timing.tick_cost", "empty list"]),
     ("p99 below median", "[sync]", "[timing]\ntick_cost = { median = 2e-3, p99 = 1e-3 }\n[sync]", &["p99 = 0.001"]),
@@ -45,9 +50,20 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
         &["no effect", "threads"],
     ),
     ("unknown policy", "[sync]", "[timing]\ntick_cost = 0\noverrun = \"wait\"\n[sync]", &["wait", "hold"]),
-    ("unknown table", "[sync]", "[synch]", &["unknown field `synch`"]),
+    ("unknown table", "[sync]", "[synch]", &["unknown field `synch`", "did you mean `sync`?"]),
     ("wrong type", "spacing = 0.0125", "spacing = \"wide\"", &["string \"wide\"", "mesh.spacing", ":8:"]),
-    ("wrong choice", "stencil = \"shear\"", "stencil = \"sheer\"", &["sheer", "shear", "structural"]),
+    (
+        "wrong choice",
+        "stencil = \"shear\"",
+        "stencil = \"sheer\"",
+        &["sheer", "did you mean `shear`?", "\"structural\", \"shear\" (default) or \"full\"", ":9:"],
+    ),
+    (
+        "a misspelt law",
+        "law = \"stick-slip\"",
+        "law = \"stickslip\"",
+        &["did you mean `stick-slip`?", "accepted for `contact.law`: \"sliding\", \"sticking\" or \"stick-slip\""],
+    ),
     ("missing key", "damping = 0.5", "", &["`material.damping` is missing", "damping_ratio", ":12:"]),
     ("missing table", "[contact]\nlaw", "[contact2]\nlaw", &["contact2"]),
     ("negative mass", "node_mass = 0.01", "node_mass = -0.01", &["material.node_mass", "-0.01", "above 0", ":13:"]),
@@ -153,7 +169,12 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
         &["needs `local.model = \"patch\"`"],
     ),
     ("unsorted waypoints", "[1.2, 0.02", "[0.1, 0.02", &["instrument.waypoints", "not later"]),
-    ("short waypoint", "[1.2, 0.02, 0.0013, -0.003]", "[1.2, 0.02, 0.0013]", &["instrument.waypoints", "four numbers"]),
+    (
+        "short waypoint",
+        "[1.2, 0.02, 0.0013, -0.003]",
+        "[1.2, 0.02, 0.0013]",
+        &["instrument.waypoints", "four numbers", ":41:"],
+    ),
     ("no waypoints", "waypoints = [[0.0", "waypoints = [] # [[0.0", &["instrument.waypoints", "no waypoint"]),
     ("NaN waypoint", "[1.2, 0.02", "[1.2, nan", &["instrument.waypoints", "not finite"]),
     ("tip inside", "[0.0, -0.03, 0.0013, 0.002]", "[0.0, -0.03, 0.0013, -0.002]", &["inside the surface", "0.002"]),
@@ -402,6 +423,9 @@ fn missing_files_are_named() {
     let output = run(&folder.path("none.toml"), &out);
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("none.toml") && stderr(&output).contains("fig5-stick-slip"));
+    let output = stickslip(&["run", "fig5-stickslip"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("did you mean `fig5-stick-slip`?"), "{}", stderr(&output));
     let text = GOOD
         .replace("kind = \"path\" ", "kind = \"recording\"\nfile = \"none.csv\" ")
         .replace("waypoints", "# waypoints");

@@ -9,12 +9,12 @@ use stickslip::scene::SHIPPED;
 use assert_cmd::Command;
 use serde_json::{Value, json};
 use stickslip::contact::law::Law;
-use stickslip::contact::surface::ContactSurface;
-use stickslip::contact::tick::Scheme;
+use stickslip::contact::rules::Scheme;
 use stickslip::dynamics::integrators::GlobalIntegrator;
-use stickslip::model::local::ExteriorKind;
-use stickslip::model::patch::Extent;
+use stickslip::local::model::{ExteriorKind, LocalSettings};
+use stickslip::local::patch::Extent;
 use stickslip::scene::Scene;
+use stickslip::surface::geometry::ContactSurface;
 use stickslip::verify::baseline::{Provenance, Store};
 use stickslip::verify::compare::{Outcome, compare};
 use stickslip::verify::results::{Number, Results};
@@ -166,13 +166,23 @@ fn round_off_passes_and_less_work_is_reported() {
 /// A way to change the solver, and the first tick at which that can show.
 type Changed = (&'static str, fn(&mut Scene), u64);
 
+fn change_local(scene: &mut Scene, change: fn(&mut LocalSettings)) {
+    let mut local = scene.local();
+    change(&mut local);
+    *scene = scene.clone().with_local_model(local);
+}
+
 /// Solvers other than the one that was accepted, doing the same scene. A cycle is 100 ticks, and
 /// every 20th tick is kept.
 const OTHER_SOLVERS: &[Changed] = &[
     ("another global integrator", |scene| scene.global.integrator = GlobalIntegrator::Rk4, 100),
     ("other global steps", |scene| scene.global.substeps = 50, 100),
-    ("another local model", |scene| scene.local.extent = Extent::Rings(2), 80),
-    ("an exterior that is not stopped", |scene| scene.local.exterior = ExteriorKind::Drifting, 100),
+    ("another local model", |scene| change_local(scene, |local| local.extent = Extent::Rings(2)), 80),
+    (
+        "an exterior that is not stopped",
+        |scene| change_local(scene, |local| local.exterior = ExteriorKind::Drifting),
+        100,
+    ),
     ("another contact scheme", |scene| scene.contact.scheme = Scheme::Velocity, 80),
     ("another normal", |scene| scene.surface = ContactSurface::Shaded, 80),
     ("another friction", |scene| scene.contact.law = Law::StickSlip { friction: 1.0 + 1e-8 }, 200),

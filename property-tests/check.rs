@@ -95,7 +95,7 @@ pub struct Run {
     pub tunnelling_ticks: usize,
     pub rigid_ticks: usize,
     pub releases: usize,
-    pub fault: Option<stickslip::device::failsafe::Fault>,
+    pub fault: Option<stickslip::multirate::failsafe::Fault>,
 }
 
 /// Runs a scene and keeps what checks need.

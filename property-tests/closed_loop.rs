@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use stickslip::Vec3;
 use stickslip::contact::law::Mode;
 use stickslip::device::coupled::DeviceView;
-use stickslip::device::instrument::{InstrumentKind, TipPath, Waypoint};
+use stickslip::device::instrument::InstrumentKind;
+use stickslip::device::path::{TipPath, Waypoint};
 use stickslip::device::phantom::dynamics::JointSettings;
 use stickslip::device::phantom::kinematics::{FORE_LINK, UPPER_LINK, inverse};
 use stickslip::device::phantom::{Axes, Phantom, PhantomSettings};
+use stickslip::multirate::timeline::{Cost, Costs, OverrunPolicy};
 use stickslip::pipeline::Simulation;
 use stickslip::scene::{Problem, Scene};
-use stickslip::timeline::{Cost, Costs, OverrunPolicy};
 use stickslip::verify::residual::{self, larger};
 
 use crate::check::Worst;
@@ -58,7 +59,7 @@ fn run(scene: &Scene) -> Vec<Tick> {
             });
         })
         .unwrap_or_else(|fault| panic!("{}: {fault}", scene.name));
-    assert_eq!(ticks.len() as u64, scene.tick_count);
+    assert_eq!(ticks.len() as u64, scene.tick_count());
     ticks
 }
 
@@ -244,7 +245,7 @@ fn missed_deadlines_move_the_device_each_policy_its_way() {
 
 #[test]
 fn what_cannot_start_or_has_no_effect_is_refused() {
-    let text = scene("virtual-wall").text().to_owned();
+    let text = scene("virtual-wall").text().expect("it was read").to_owned();
     let parse = |text: &str| Scene::parse(text, "wall.toml".as_ref());
     // The path is where the hand aims at: that the tip starts there is the device's doing.
     let inside = parse(&text.replace("[0.0, 0.001, 0.0013, 0.003]", "[0.0, 0.001, 0.0013, -0.003]")).expect("a scene");

@@ -6,16 +6,17 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 use stickslip::Vec3;
-use stickslip::contact::surface::ContactGeometry;
-use stickslip::device::instrument::{TipPath, Waypoint};
-use stickslip::model::condensation::{Condensation, Condensed, Condenser, FarField, Outcome, Reach};
-use stickslip::model::local::{ExteriorKind, Linearization, LocalModelBuilder, LocalSettings};
+use stickslip::device::path::{TipPath, Waypoint};
+use stickslip::local::condensation::{Condensation, Condensed, Condenser, FarField, Outcome, Reach};
+use stickslip::local::model::{ExteriorKind, Linearization, LocalModelBuilder, LocalSettings};
+use stickslip::local::patch::{Extent, Patch, PatchSelector};
 use stickslip::model::mesh::{Block, Mesh, Stencil};
-use stickslip::model::network::{Network, State};
-use stickslip::model::patch::{Extent, Patch, PatchSelector};
+use stickslip::model::network::Network;
 use stickslip::model::springs::{Spring, TangentKind};
-use stickslip::model::surface::Surface;
+use stickslip::model::state::State;
+use stickslip::model::topology::Surface;
 use stickslip::pipeline;
+use stickslip::surface::geometry::SurfaceModel;
 use stickslip::verify::residual::largest;
 
 use crate::check::{PRESS_AND_DRAG, Worst, relative_rms, run, runner, shipped, small_scene};
@@ -199,7 +200,7 @@ fn the_local_model_feels_the_exterior_follow() {
         let force = |exterior| {
             let settings = LocalSettings { extent: Extent::Rings(1), linearization, exterior };
             let mut builder =
-                LocalModelBuilder::new(&case.network, case.surface.clone(), ContactGeometry::Faceted, settings);
+                LocalModelBuilder::new(&case.network, SurfaceModel::faceted(case.surface.clone()), settings);
             let (model, mut local) =
                 builder.build(&case.network, &state, Vec3::zeros(), None).expect("an explicit model");
             assert_eq!(model.patch.nodes, case.patch.nodes);
@@ -473,8 +474,9 @@ fn a_condensed_exterior_comes_closer_to_the_full_network() {
 /// A run in which models fall back says so: sticking, drawn on over 50 mm.
 #[test]
 fn falling_back_is_counted_in_a_run() {
-    let mut scene = shipped("deep-sticking");
-    scene.local.exterior = ExteriorKind::Condensed(ALL_EXACT);
+    let scene = shipped("deep-sticking");
+    let local = LocalSettings { exterior: ExteriorKind::Condensed(ALL_EXACT), ..scene.local() };
+    let mut scene = scene.with_local_model(local);
     let far = [[0.0, -0.03, 0.0013, 0.002], [0.2, -0.03, 0.0013, -0.006], [1.2, 0.02, 0.0013, -0.006]];
     let waypoints = far.map(|[time, x, y, z]| Waypoint { time, position: Vec3::new(x, y, z) });
     scene.path = TipPath::new(waypoints.to_vec()).expect("ascending times");

@@ -6,16 +6,18 @@ use std::sync::Arc;
 use stickslip::Vec3;
 use stickslip::contact::law::{Law, Mode};
 use stickslip::contact::nearest::nearest_on_triangle;
-use stickslip::contact::operators::{Metric, Support};
-use stickslip::contact::surface::{ContactGeometry, ContactPoint, ContactSurface, Projection, Shape, Visited};
-use stickslip::contact::tick::{Deformation, Scheme};
-use stickslip::device::failsafe::Cause;
-use stickslip::model::local::{LocalModelBuilder, LocalSettings};
+use stickslip::contact::rules::{Deformation, Scheme};
+use stickslip::contact::shape::{Projection, Shape, Visited};
+use stickslip::local::model::{LocalModelBuilder, LocalSettings};
 use stickslip::model::mesh::{Block, Stencil};
-use stickslip::model::network::{Material, Network, State};
-use stickslip::model::surface::Surface;
+use stickslip::model::network::{Material, Network};
+use stickslip::model::state::State;
+use stickslip::model::topology::Surface;
+use stickslip::multirate::failsafe::Cause;
 use stickslip::pipeline;
 use stickslip::scene::{Expectation, SHIPPED, Scene};
+use stickslip::surface::geometry::{ContactPoint, ContactSurface, SurfaceModel};
+use stickslip::surface::support::{Metric, Support};
 use stickslip::verify::residual::largest;
 
 use crate::check::{PRESS_AND_DRAG, Run, Worst, run, runner, scene, shipped, small_scene};
@@ -26,10 +28,7 @@ const LAWS: [&str; 3] = ["law = \"sliding\"", "law = \"sticking\"", "law = \"sti
 const ROUND_OFF: f64 = 1e-14;
 
 fn full(scene: &Scene) -> Scene {
-    let mut full = scene.clone();
-    full.local = LocalSettings::FULL;
-    full.is_full = true;
-    full
+    scene.clone().with_full_model()
 }
 
 #[test]
@@ -46,7 +45,7 @@ fn shipped_scenes_keep_their_laws_and_end_as_expected() {
             match scene.contact.law {
                 Law::Sliding => sliding.check(tangential / normal),
                 Law::StickSlip { friction } => bound.check(tangential / (friction * normal) - 1.0),
-                Law::Sticking => {}
+                Law::Sticking | Law::Own(_) => {}
             }
         }
         assert!(run.normal_force.iter().all(|&f| f >= 0.0), "{}: the instrument is pulled", shipped.name);
@@ -98,8 +97,9 @@ fn deep_drags_on_the_full_network_keep_contact_without_jumps() {
 /// to three digits.
 #[test]
 fn errors_of_local_models_are_those_of_an_independent_trial() {
-    use stickslip::model::local::{ExteriorKind, Linearization};
-    use stickslip::model::{patch::Extent, springs::TangentKind};
+    use stickslip::local::model::{ExteriorKind, Linearization};
+    use stickslip::local::patch::Extent;
+    use stickslip::model::springs::TangentKind;
     let worst = Worst::new("numpy trial", "force error of local models (3 digits)", 0.0006);
     let expected =
         [("deep-sliding", [0.100, 0.039]), ("deep-sticking", [0.252, 0.133]), ("deep-stick-slip", [0.149, 0.067])];
@@ -109,9 +109,7 @@ fn errors_of_local_models_are_those_of_an_independent_trial() {
         for (rings, error) in (1..).zip(errors) {
             let linearization = Linearization::Tangent(TangentKind::Exact);
             let local = LocalSettings { extent: Extent::Rings(rings), linearization, exterior: ExteriorKind::Fixed };
-            let mut approximate = scene.clone();
-            approximate.local = local;
-            let forces = run(&approximate).force;
+            let forces = run(&scene.clone().with_local_model(local)).force;
             worst.check((crate::check::relative_rms(&forces, &reference) - error).abs());
         }
     }
@@ -368,12 +366,12 @@ impl Dent {
     }
 
     fn with_shape<T>(&self, kind: ContactSurface, use_shape: impl FnOnce(Shape) -> T) -> T {
-        let geometry = ContactGeometry::new(kind, &self.surface).expect("a block has no crowded triangle");
-        let settings = LocalSettings { extent: stickslip::model::patch::Extent::Rings(1), ..LocalSettings::FULL };
-        let mut builder = LocalModelBuilder::new(&self.network, self.surface.clone(), geometry, settings);
+        let surface = SurfaceModel::new(kind, self.surface.clone()).expect("a block has no crowded triangle");
+        let settings = LocalSettings { extent: stickslip::local::patch::Extent::Rings(1), ..LocalSettings::FULL };
+        let mut builder = LocalModelBuilder::new(&self.network, surface.clone(), settings);
         let (model, local) =
             builder.build(&self.network, &self.state, Vec3::zeros(), None).expect("explicit steps need no solution");
-        use_shape(Shape { model: &model, x: &local.x, elapsed: 0.0 })
+        use_shape(Shape { surface: &surface, model: &model, x: &local.x, elapsed: 0.0 })
     }
 
     fn corners(&self, triangle: u32) -> [Vec3; 3] {

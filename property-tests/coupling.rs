@@ -6,7 +6,7 @@ use stickslip::Vec3;
 use stickslip::device::coupling::{
     CouplingError, CouplingSettings, HandOverSmoothing, PassivityController, VirtualCoupling,
 };
-use stickslip::device::instrument::{TipPath, Waypoint};
+use stickslip::device::path::{TipPath, Waypoint};
 use stickslip::device::phantom::{Phantom, PhantomSettings};
 use stickslip::verify::residual::{larger, largest};
 

@@ -6,15 +6,17 @@ use std::sync::Arc;
 use proptest::prelude::*;
 use stickslip::Vec3;
 use stickslip::contact::law::{Law, Mode};
-use stickslip::contact::operators::{Metric, Support};
-use stickslip::contact::surface::{ContactGeometry, ContactPoint, ContactSurface, Projection, Shape, Touch, Visited};
-use stickslip::contact::tick::{ContactRules, LocalSimulation, Scheme, Wall};
-use stickslip::model::local::{LocalModel, LocalModelBuilder, LocalSettings, LocalState};
+use stickslip::contact::rules::{ContactRules, Scheme, Wall};
+use stickslip::contact::shape::{Projection, Shape, Touch, Visited};
+use stickslip::contact::simulation::LocalSimulation;
+use stickslip::local::model::{LocalModel, LocalModelBuilder, LocalSettings, LocalState};
 use stickslip::model::mesh::{Block, Mesh, Stencil};
 use stickslip::model::network::{Material, Network};
-use stickslip::model::surface::Surface;
+use stickslip::model::topology::Surface;
 use stickslip::output::measures::is_tunnelling;
 use stickslip::pipeline::RunError;
+use stickslip::surface::geometry::{ContactPoint, ContactSurface, SurfaceModel};
+use stickslip::surface::support::{Metric, Support};
 
 use crate::check::{Worst, runner, scene};
 
@@ -22,6 +24,7 @@ const SPACING: f64 = 0.01;
 
 /// A surface as a tick sees it, with all nodes free.
 struct Body {
+    surface: SurfaceModel,
     model: LocalModel,
     state: LocalState,
 }
@@ -40,19 +43,19 @@ impl Body {
         let mut state = network.rest_state();
         state.x.iter_mut().for_each(|x| *x = moved(*x));
         let surface = Arc::new(Surface::new(mesh).expect("a surface"));
-        let geometry = ContactGeometry::new(ContactSurface::Subdivision, &surface).expect("no crowded triangle");
-        let mut builder = LocalModelBuilder::new(&network, surface, geometry, LocalSettings::FULL);
+        let surface = SurfaceModel::new(ContactSurface::Subdivision, surface).expect("no crowded triangle");
+        let mut builder = LocalModelBuilder::new(&network, surface.clone(), LocalSettings::FULL);
         let (model, state) =
             builder.build(&network, &state, Vec3::zeros(), None).expect("explicit steps need no solution");
-        Self { model, state }
+        Self { surface, model, state }
     }
 
     fn shape(&self) -> Shape<'_> {
-        Shape { model: &self.model, x: &self.state.x, elapsed: 0.0 }
+        Shape { surface: &self.surface, model: &self.model, x: &self.state.x, elapsed: 0.0 }
     }
 
     fn triangles(&self) -> u32 {
-        self.model.surface.triangles.len() as u32
+        self.surface.topology.triangles.len() as u32
     }
 
     fn touch(&self, point: &ContactPoint) -> Touch {
@@ -75,7 +78,7 @@ impl Body {
 
     fn simulation(self, scheme: Scheme, law: Law) -> LocalSimulation {
         let rules = ContactRules { law, scheme, wall: Wall { stiffness: 1000.0, damping: 0.0 } };
-        LocalSimulation::new(rules, 1e-3, self.model, self.state)
+        LocalSimulation::new(rules, 1e-3, self.surface, self.model, self.state)
     }
 }
 
@@ -193,9 +196,10 @@ fn passages_are_found_when_they_happen() {
             let mass = 0.01;
             let end: Vec<Vec3> =
                 (0..start.len()).map(|i| start[i] + (state.v[i] + state.f[i] * (1e-3 / mass)) * 1e-3).collect();
+            let surface = simulation.surface().clone();
             let distance = |time: f64| {
                 let x: Vec<Vec3> = start.iter().zip(&end).map(|(a, b)| a + (b - a) * time).collect();
-                Shape { model: &model, x: &x, elapsed: 0.0 }.signed_distance(q0 + (q1 - q0) * time)
+                Shape { surface: &surface, model: &model, x: &x, elapsed: 0.0 }.signed_distance(q0 + (q1 - q0) * time)
             };
             let sampled = (1..=4000).map(|i| f64::from(i) / 4000.0).find(|&time| distance(time) < 0.0);
             let found = simulation.tick(q0, q1).collision_time;
@@ -269,7 +273,7 @@ fn edges_and_corners_are_rounded_by_known_amounts() {
 fn vertices_of_every_kind_can_be_pressed() {
     let mesh = block();
     let template = Body::new(&mesh, |x| x);
-    let surface = template.model.surface.clone();
+    let surface = template.surface.topology.clone();
     for (vertex, &node) in surface.vertex_node.iter().enumerate() {
         let valence = surface.incident(vertex as u32).len();
         if valence == 6 || mesh.nodes[node as usize].z < -0.015 {

@@ -4,14 +4,15 @@ use nalgebra::Complex;
 use proptest::prelude::*;
 use std::sync::Arc;
 use stickslip::Vec3;
-use stickslip::contact::surface::ContactGeometry;
-use stickslip::model::linearization::LinearForces;
-use stickslip::model::local::{ExteriorKind, Linearization, LocalModelBuilder, LocalSettings};
+use stickslip::local::linearization::LinearForces;
+use stickslip::local::model::{ExteriorKind, Linearization, LocalModelBuilder, LocalSettings};
+use stickslip::local::patch::{Extent, PatchSelector};
 use stickslip::model::mesh::{Block, Stencil};
-use stickslip::model::network::{Material, Network, State};
-use stickslip::model::patch::{Extent, PatchSelector};
+use stickslip::model::network::{Material, Network};
 use stickslip::model::springs::{Spring, TangentKind};
-use stickslip::model::surface::Surface;
+use stickslip::model::state::State;
+use stickslip::model::topology::Surface;
+use stickslip::surface::geometry::SurfaceModel;
 use stickslip::verify::residual::largest;
 
 use crate::check::{Worst, runner};
@@ -209,7 +210,7 @@ fn moving_one_node_is_the_matrix_column() {
     for exterior in [ExteriorKind::Fixed, ExteriorKind::Drifting] {
         for linearization in [Linearization::Tangent(TangentKind::Exact), Linearization::None] {
             let settings = LocalSettings { extent: Extent::Rings(1), linearization, exterior };
-            let mut builder = LocalModelBuilder::new(&network, surface.clone(), ContactGeometry::Faceted, settings);
+            let mut builder = LocalModelBuilder::new(&network, SurfaceModel::faceted(surface.clone()), settings);
             let (model, mut local) =
                 builder.build(&network, &state, state.x[37], None).expect("explicit steps need no solution");
             let delta = Vec3::new(1e-3, -2e-3, 5e-4);
@@ -232,7 +233,7 @@ fn drifting_exterior_is_right_to_first_order_in_time() {
     let (network, surface, state) = moving_block(0.5, 0.05);
     let build = |linearization| {
         let settings = LocalSettings { extent: Extent::Rings(1), linearization, exterior: ExteriorKind::Drifting };
-        LocalModelBuilder::new(&network, surface.clone(), ContactGeometry::Faceted, settings)
+        LocalModelBuilder::new(&network, SurfaceModel::faceted(surface.clone()), settings)
             .build(&network, &state, state.x[37], None)
             .expect("explicit steps need no solution")
     };

@@ -2,12 +2,15 @@
 //! saw beside its tolerance; every comparison is written so that NaN fails.
 
 mod accuracy;
+mod built_scenes;
 mod certificate;
 mod check;
 mod closed_loop;
 mod condensation;
 mod contact;
 mod coupling;
+mod documents;
+mod doors;
 mod elasticity;
 mod extremes;
 mod integrators;

@@ -2,11 +2,12 @@
 //! model is the network itself.
 
 use stickslip::Vec3;
-use stickslip::dynamics::global::{CycleMessage, Keep, SyncMode, Trajectory};
 use stickslip::dynamics::integrators::GlobalIntegrator;
-use stickslip::model::local::{ExteriorKind, Linearization, LocalSettings};
-use stickslip::model::patch::Extent;
+use stickslip::local::model::{Linearization, LocalSettings};
 use stickslip::model::springs::TangentKind;
+use stickslip::multirate::global::SyncMode;
+use stickslip::multirate::messages::CycleMessage;
+use stickslip::multirate::trajectory::{Keep, Trajectory};
 use stickslip::pipeline::{self, Simulation};
 use stickslip::scene::Scene;
 
@@ -35,9 +36,7 @@ fn more_rings_and_shorter_cycles_come_closer_to_the_full_network() {
     let [one, two, all] = ["rings = 1", "rings = 2", "rings = \"all\""].map(|rings| error(&scene(rings)));
     assert!(two < one && all < two, "rings 1, 2, all: {one:.4}, {two:.4}, {all:.4}");
     // Linearised at every tick, all rings leave only what a tangent misses within one tick.
-    let mut every_tick = scene("rings = \"all\"");
-    every_tick.ticks_per_cycle = 1;
-    every_tick.global.rate = 1000.0;
+    let mut every_tick = scene("rings = \"all\"").with_ticks_per_cycle(1);
     every_tick.global.substeps = 1;
     let at_once = error(&every_tick);
     println!("RESIDUAL | full network | rings = all, a new tangent each tick: force, relative | 1e-3 | {at_once:.1e}");
@@ -79,9 +78,7 @@ fn replay_follows_the_network_where_the_patch_is_exact() {
         "[[0.0, 0.0, 0.001, 0.02]]",
     );
     scene.material.gravity = Vec3::new(0.0, 0.0, -1.0);
-    let mut full = scene.clone();
-    full.local = LocalSettings::FULL;
-    full.is_full = true;
+    let full = scene.clone().with_full_model();
     let sag = |scene: &Scene| {
         let mut lowest = vec![];
         pipeline::run(scene, |view| {
@@ -139,13 +136,8 @@ fn traces_repeat_bit_for_bit() {
 #[test]
 fn stabilised_tangent_differs_only_under_compression() {
     let forces = |kind| {
-        let mut scene = small_scene(LAWS[1], "rings = 1", PRESS_AND_DRAG);
-        scene.local = LocalSettings {
-            extent: Extent::Rings(1),
-            linearization: Linearization::Tangent(kind),
-            exterior: ExteriorKind::Fixed,
-        };
-        run(&scene).force
+        let local = LocalSettings { linearization: Linearization::Tangent(kind), ..LocalSettings::default() };
+        run(&small_scene(LAWS[1], "rings = 1", PRESS_AND_DRAG).with_local_model(local)).force
     };
     let (exact, stabilised) = (forces(TangentKind::Exact), forces(TangentKind::Stabilised));
     // The first model is built at rest, where no spring is compressed.
@@ -157,10 +149,11 @@ fn stabilised_tangent_differs_only_under_compression() {
 #[test]
 fn a_path_with_gaps_is_replayed_as_far_as_it_goes() {
     let scene = small_scene(LAWS[0], "rings = 1", PRESS_AND_DRAG);
-    let ticks = scene.ticks_per_cycle as usize;
+    let ticks = scene.ticks_per_cycle() as usize;
     for keep in [Keep::Path, Keep::End] {
         for recorded in [0, 1, ticks - 1] {
-            let (mut global, local) = Simulation::prepare(&scene).expect("it starts").into_sides();
+            let sides = Simulation::prepare(&scene).expect("it starts").into_sides();
+            let (mut global, local) = (sides.global.into_simulation(), sides.servo.into_local());
             let m = local.model().patch.len();
             let mut trajectory = Trajectory::new(keep);
             trajectory.begin(local.model(), local.state(), 0, ticks);

@@ -2,12 +2,14 @@
 
 use nalgebra::DMatrix;
 use stickslip::Vec3;
-use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper, Unconstrained};
+use stickslip::dynamics::constraint::Unconstrained;
+use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper};
 use stickslip::model::material::PerSpring;
 use stickslip::model::mesh::{Block, Stencil};
-use stickslip::model::network::{Material, Network, NetworkError, State};
+use stickslip::model::network::{Material, Network, NetworkError};
 use stickslip::model::springs::Spring;
-use stickslip::pipeline::Simulation;
+use stickslip::model::state::State;
+use stickslip::pipeline::{OwnParts, Simulation};
 use stickslip::scene::{Problem, Scene};
 
 use crate::check::Worst;
@@ -215,7 +217,10 @@ fn a_material_that_does_not_fit_the_mesh_is_refused() {
     }
 
     let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-    let problem = |mesh| match Simulation::assemble(&scene, &mesh).expect_err("it does not fit").problem() {
+    let problem = |mesh| match Simulation::prepare_with(&scene, OwnParts { mesh: Some(mesh), ..OwnParts::default() })
+        .expect_err("it does not fit")
+        .problem()
+    {
         Problem::Network(error) => *error,
         other => panic!("{other}"),
     };

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use stickslip::Vec3;
 use stickslip::contact::law::{Law, Mode};
 use stickslip::contact::literal::{ContactFrame, LiteralOperators};
-use stickslip::contact::operators::{Metric, Support};
+use stickslip::surface::support::{Metric, Support};
 use stickslip::verify::residual::largest;
 
 use crate::check::{Worst, runner};

@@ -1,9 +1,9 @@
 //! Observed orders of convergence of every integrator, and momentum.
 
 use stickslip::contact::law::Law;
-use stickslip::contact::tick::Scheme;
+use stickslip::contact::rules::Scheme;
 use stickslip::dynamics::integrators::GlobalIntegrator;
-use stickslip::model::step::LocalIntegrator;
+use stickslip::local::step::LocalIntegrator;
 use stickslip::verify::orders::{Case, Motion, momentum_defect, observe};
 use stickslip::verify::surfaces;
 

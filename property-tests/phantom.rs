@@ -2,7 +2,7 @@
 
 use nalgebra::SMatrix;
 use proptest::prelude::*;
-use stickslip::device::instrument::{TipPath, Waypoint};
+use stickslip::device::path::{TipPath, Waypoint};
 use stickslip::device::phantom::actuation::ActuationSettings;
 use stickslip::device::phantom::dynamics::{JointSettings, coriolis, gravity};
 use stickslip::device::phantom::kinematics::{
@@ -292,9 +292,9 @@ fn settings_out_of_range_are_named() {
         |s, v| s.joints.friction_speed = v,
         |s, v| s.actuation.torque_constant = v,
         |s, v| s.actuation.capstan_ratio.y = v,
-        |s, v| s.actuation.current_limit = v,
+        |s, v| s.actuation.largest_current = v,
         |s, v| s.actuation.amplifier_bandwidth = v,
-        |s, v| s.actuation.force_limit = v,
+        |s, v| s.actuation.largest_force = v,
         |s, v| s.actuation.thermal_time = v,
         |s, v| s.hand.mass.z = v,
     ];
@@ -303,7 +303,7 @@ fn settings_out_of_range_are_named() {
         |s, v| s.joints.damping.x = v,
         |s, v| s.joints.friction.z = v,
         |s, v| s.joints.rotor_inertia.y = v,
-        |s, v| s.hand.grip_stiffness.x = v,
+        |s, v| s.hand.stylus_stiffness.x = v,
         |s, v| s.hand.arm_damping.y = v,
     ];
     let refuses = |change: Change, bad: f64| {

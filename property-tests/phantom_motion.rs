@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use stickslip::Vec3;
-use stickslip::device::instrument::{TipPath, Waypoint};
+use stickslip::device::path::{TipPath, Waypoint};
 use stickslip::device::phantom::dynamics::{JointSettings, gravity};
 use stickslip::device::phantom::hand::HandSettings;
 use stickslip::device::phantom::kinematics::tip_force;
@@ -27,14 +27,14 @@ fn lossless(hand: HandSettings) -> PhantomSettings {
     let zero = Vec3::zeros();
     PhantomSettings {
         joints: JointSettings { damping: zero, friction: zero, ..JointSettings::default() },
-        hand: HandSettings { grip_damping: zero, arm_damping: zero, ..hand },
+        hand: HandSettings { stylus_damping: zero, arm_damping: zero, ..hand },
         ..PhantomSettings::default()
     }
 }
 
 fn let_go() -> HandSettings {
     let zero = Vec3::zeros();
-    HandSettings { grip_stiffness: zero, grip_damping: zero, ..HandSettings::default() }
+    HandSettings { stylus_stiffness: zero, stylus_damping: zero, ..HandSettings::default() }
 }
 
 /// Orders of neighbouring errors under halved steps.
@@ -166,7 +166,7 @@ fn a_constant_force_is_balanced_by_the_hand() {
         let torque = settings.actuation.torque(&current) - gravity(&angles);
         let displaced = settings.axes.rotation * (phantom.tip() - start);
         let hand = settings.hand;
-        let compliance = hand.grip_stiffness.map(f64::recip) + hand.arm_stiffness.map(f64::recip);
+        let compliance = hand.stylus_stiffness.map(f64::recip) + hand.arm_stiffness.map(f64::recip);
         worst.check((tip_force(&angles, &torque) - displaced.component_div(&compliance)).norm());
         // An encoder count turns the force by 1e-4, a step of the current is 2e-4 N.
         let exerted = settings.axes.rotation.tr_mul(&tip_force(&angles, &settings.actuation.torque(&current)));

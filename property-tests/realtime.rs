@@ -4,9 +4,9 @@
 use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 
+use stickslip::multirate::timeline::{Fate, OverrunPolicy};
 use stickslip::pipeline::Simulation;
 use stickslip::realtime::allocations::{self, Counting};
-use stickslip::realtime::certificate::{Certificate, Circumstances, Verdict, WorstTick};
 use stickslip::realtime::channel::channel;
 use stickslip::realtime::machine::Machine;
 use stickslip::realtime::meter::{Meter, TickTimes};
@@ -14,8 +14,8 @@ use stickslip::realtime::record::{Recorded, record};
 use stickslip::realtime::threads::{Obtained, Served, Window};
 use stickslip::scene::Scene;
 use stickslip::session::{RecordedPass, Replayed, Session, Why, replay};
-use stickslip::timeline::{Fate, OverrunPolicy};
 use stickslip::verify::certificate::causes::Cause;
+use stickslip::verify::certificate::verdict::{Certificate, Circumstances, Verdict, WorstTick};
 use stickslip::verify::lateness::consequences;
 
 #[global_allocator]
@@ -25,7 +25,11 @@ static ALLOCATOR: Counting = Counting;
 static TURN: Mutex<()> = Mutex::new(());
 
 fn scene(text: &str) -> Scene {
-    let scene = Scene::shipped("fig5-stick-slip").expect("shipped").text().replace("latency_ticks = 0", "");
+    let scene = Scene::shipped("fig5-stick-slip")
+        .expect("shipped")
+        .text()
+        .expect("it was read")
+        .replace("latency_ticks = 0", "");
     Scene::parse(&format!("{scene}\n[run]\nschedule = \"threads\"\n{text}"), "threads.toml".as_ref()).expect("a scene")
 }
 
@@ -110,7 +114,11 @@ fn a_loop_can_be_stopped_and_keeps_what_it_has() {
 
 #[test]
 fn a_fault_ends_the_loop_and_comes_again() {
-    let text = Scene::shipped("deep-stick-slip-faceted").expect("shipped").text().replace("latency_ticks = 0", "");
+    let text = Scene::shipped("deep-stick-slip-faceted")
+        .expect("shipped")
+        .text()
+        .expect("it was read")
+        .replace("latency_ticks = 0", "");
     let text = format!("{text}\n[run]\nschedule = \"threads\"\n");
     let run = recorded(&Scene::parse(&text, "fault.toml".as_ref()).expect("a scene"));
     let pass = &run.session.passes[0];
@@ -242,7 +250,7 @@ fn misses_are_counted_exactly_and_explained_one_by_one() {
 fn a_ring_that_is_full_counts_what_it_loses_and_waits_for_nobody() {
     let simulation = Simulation::prepare(&scene("")).expect("it starts");
     let keep = simulation.keeps();
-    let (mut servo, _) = simulation.into_loops();
+    let mut servo = simulation.into_sides().servo;
     let nodes = servo.local().model().patch.nodes.clone();
     let (mut up, mut down) = channel(10, keep, &nodes);
     up.begin_pass(0, &servo);

@@ -1,11 +1,13 @@
 //! At rest after a poke: nothing subnormal is left to slow arithmetic down.
 
-use stickslip::contact::tick::LocalSimulation;
+use stickslip::contact::simulation::LocalSimulation;
 use stickslip::pipeline;
 
 use stickslip::Vec3;
-use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper, Unconstrained};
-use stickslip::model::network::{ExternalForce, Network};
+use stickslip::dynamics::constraint::Unconstrained;
+use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper};
+use stickslip::model::network::Network;
+use stickslip::model::state::ExternalForce;
 
 use crate::check::scene;
 

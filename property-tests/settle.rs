@@ -3,8 +3,9 @@
 use stickslip::Vec3;
 use stickslip::dynamics::settle::{RESIDUAL, ROUND_OFF, SettleError, settle};
 use stickslip::dynamics::statics::Statics;
-use stickslip::model::network::{ExternalForce, Network};
+use stickslip::model::network::Network;
 use stickslip::model::springs::{Spring, TangentKind};
+use stickslip::model::state::ExternalForce;
 use stickslip::pipeline::{self, Simulation};
 use stickslip::scene::{Problem, Scene};
 use stickslip::verify::residual::larger;
@@ -132,8 +133,8 @@ fn a_settled_scene_stays_still_and_an_unsettled_one_swings() {
         let set = |settle| {
             let mut scene = bar(settle, 5e4, if implicit { "" } else { local });
             if implicit {
-                scene.contact.scheme = stickslip::contact::tick::Scheme::Velocity;
-                scene.integrator = stickslip::model::step::LocalIntegrator::ImplicitEuler;
+                scene.contact.scheme = stickslip::contact::rules::Scheme::Velocity;
+                scene.integrator = stickslip::local::step::LocalIntegrator::ImplicitEuler;
             }
             scene
         };

@@ -3,11 +3,13 @@
 
 use nalgebra::DMatrix;
 use stickslip::Vec3;
-use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper, Unconstrained};
+use stickslip::dynamics::constraint::Unconstrained;
+use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper};
 use stickslip::dynamics::stability::explicit_step_limit;
+use stickslip::local::step::LocalIntegrator;
 use stickslip::model::mesh::{Block, Stencil};
-use stickslip::model::network::{ExternalForce, Material, Network};
-use stickslip::model::step::LocalIntegrator;
+use stickslip::model::network::{Material, Network};
+use stickslip::model::state::ExternalForce;
 use stickslip::verify::residual::largest;
 use stickslip::verify::stability_map::{Axis, EXTERIORS, MapError, MapPoint, TOLERANCE, Touching, boundaries};
 

@@ -4,9 +4,9 @@ use std::collections::HashMap;
 
 use proptest::prelude::*;
 use stickslip::Vec3;
-use stickslip::contact::subdivision::{Jet, LimitSurface};
 use stickslip::model::mesh::{Block, Mesh, Stencil};
-use stickslip::model::surface::Surface;
+use stickslip::model::topology::Surface;
+use stickslip::surface::subdivision::{Jet, LimitSurface};
 use stickslip::verify::residual::largest;
 
 use crate::check::{Worst, runner};

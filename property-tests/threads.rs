@@ -1,10 +1,12 @@
 //! Two threads that share the global network do what one does, to the last bit.
 
 use stickslip::Vec3;
-use stickslip::dynamics::integrators::{Constraint, GlobalIntegrator, Stepper, Steps, Threads, Unconstrained};
+use stickslip::dynamics::constraint::{Constraint, Steps, Threads, Unconstrained};
+use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper};
 use stickslip::model::mesh::{Block, Mesh, Stencil};
-use stickslip::model::network::{Material, Network, State};
+use stickslip::model::network::{Material, Network};
 use stickslip::model::springs::{Spring, Springs};
+use stickslip::model::state::State;
 use stickslip::pipeline::{self, Simulation};
 use stickslip::scene::Scene;
 

@@ -1,9 +1,9 @@
 //! Deadlines and late models in virtual time.
 
 use stickslip::Vec3;
+use stickslip::multirate::timeline::{Arrival, Cost, Costs, Fate, OverrunPolicy, RecordedTimes, Timeline};
 use stickslip::pipeline::Simulation;
 use stickslip::scene::Scene;
-use stickslip::timeline::{Arrival, Cost, Costs, Fate, OverrunPolicy, RecordedTimes, Timeline};
 use stickslip::verify::lateness::{SHARES, consequences};
 
 const SCENE: &str = "fig5-stick-slip";

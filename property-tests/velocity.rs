@@ -3,21 +3,20 @@
 
 use stickslip::Vec3;
 use stickslip::contact::law::{Law, Mode};
-use stickslip::contact::surface::ContactSurface;
-use stickslip::contact::tick::Scheme;
-use stickslip::device::instrument::{TipPath, Waypoint};
+use stickslip::contact::rules::Scheme;
+use stickslip::device::path::{TipPath, Waypoint};
 use stickslip::pipeline::{self, TickView};
 use stickslip::scene::Scene;
+use stickslip::surface::geometry::ContactSurface;
 use stickslip::verify::surfaces::{self, Felt};
 
 use crate::check::{Worst, shipped};
 
 /// The whole network at 1000 Hz times `refinement`.
 fn full(name: &str, surface: ContactSurface, scheme: Scheme, refinement: u32) -> Scene {
-    let mut scene = surfaces::whole(&shipped(name), surface, scheme);
-    scene.tick /= f64::from(refinement);
-    scene.tick_count *= u64::from(refinement);
-    scene
+    let scene = surfaces::whole(&shipped(name), surface, scheme);
+    let rate_hz = scene.local_rate_hz() * f64::from(refinement);
+    scene.with_local_rate_hz(rate_hz).expect("a multiple")
 }
 
 fn completes(scene: &Scene, observe: impl FnMut(&TickView)) {
@@ -123,11 +122,12 @@ fn velocity_scheme_is_of_first_order() {
             let mut scene = full("deep-sliding", ContactSurface::Subdivision, Scheme::Velocity, refinement);
             scene.contact.law = law;
             scene.path = smooth_path();
-            scene.tick_count /= 2;
+            let half = scene.tick_count() / 2;
+            let scene = scene.with_ticks(half);
             let (mut force, mut state) = (Vec3::zeros(), Vec::new());
             completes(&scene, |view| {
                 force = view.force;
-                if view.tick + 1 == scene.tick_count {
+                if view.tick + 1 == scene.tick_count() {
                     state.clone_from(&view.local.state().x);
                 }
             });

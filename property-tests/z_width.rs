@@ -44,7 +44,7 @@ fn walls_that_have_to_be_passive_are_quiet_and_stiffer_ones_shake() {
 #[test]
 fn the_tip_rests_where_forces_balance() {
     let hand = HandSettings::default();
-    let hand_stiffness = 1.0 / (1.0 / hand.grip_stiffness.y + 1.0 / hand.arm_stiffness.y);
+    let hand_stiffness = 1.0 / (1.0 / hand.stylus_stiffness.y + 1.0 / hand.arm_stiffness.y);
     let lift = 0.0163 / UPPER_LINK;
     let count = UPPER_LINK * TAU / (11.2 * 4096.0);
     // The wall answers to the measured depth, which is within half a count of the true one.

@@ -51,21 +51,25 @@
 #![warn(missing_docs)]
 #![deny(unsafe_code)]
 
+mod word;
+
 pub mod scene;
 
 pub mod mesh_file;
 
 pub mod model;
 
-pub mod contact;
+pub mod surface;
 
 pub mod dynamics;
 
+pub mod local;
+
+pub mod contact;
+
 pub mod device;
 
-pub mod servo;
-
-pub mod timeline;
+pub mod multirate;
 
 pub mod pipeline;
 
@@ -80,6 +84,14 @@ pub mod verify;
 
 #[cfg(feature = "cli")]
 pub mod cli;
+
+pub use contact::law::{ContactLaw, Impulse, Law, Mode};
+pub use contact::renderer::{Body, BodyState, MovedNodes, Rendered, Renderer, RendererFault, RendererModel};
+pub use device::instrument::{Instrument, InstrumentFault};
+pub use output::files::{FinishedRun, RunFilesError, run_into};
+pub use pipeline::{AssemblyError, Lockstep, OwnParts, RunError, Simulation, TickView, run};
+pub use scene::{Scene, SceneError};
+pub use surface::geometry::ContactPoint;
 
 /// A point, vector, velocity or force.
 pub type Vec3 = nalgebra::Vector3<f64>;

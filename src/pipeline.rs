@@ -8,27 +8,32 @@ use thiserror::Error;
 
 use crate::Vec3;
 use crate::contact::collision::START_TOLERANCE;
-use crate::contact::surface::ContactGeometry;
-use crate::contact::tick::{LocalSimulation, TickReport};
+use crate::contact::renderer::Renderer;
+use crate::contact::report::TickReport;
+use crate::contact::simulation::LocalSimulation;
+use crate::device::coupled::InstrumentError;
 use crate::device::coupled::{CoupledPhantom, DeviceView};
 use crate::device::coupling::HandOverSmoothing;
-use crate::device::failsafe::{Bounds, Cause, FailSafe, Fault};
-use crate::device::instrument::Instrument;
-use crate::dynamics::energy::EnergyBook;
-use crate::dynamics::global::{
-    CycleMessage, CycleSettings, GlobalSimulation, Keep, ModelMessage, SyncMode, Trajectory,
-};
-use crate::dynamics::settle::settle;
-use crate::model::condensation::CondensationCounts;
-use crate::model::local::LocalModelBuilder;
+use crate::device::instrument::{Instrument, InstrumentInUse};
+use crate::dynamics::integrators::GlobalIntegrator;
+use crate::dynamics::settle::{SettleError, settle};
+use crate::local::condensation::CondensationCounts;
+use crate::local::model::LocalModelBuilder;
+use crate::local::patch::Extent;
 use crate::model::mesh::Mesh;
-use crate::model::network::{Network, State};
-use crate::model::patch::Extent;
-use crate::model::surface::Surface;
+use crate::model::network::{Network, NetworkError};
+use crate::model::state::State;
+use crate::model::topology::{Surface, SurfaceError};
 use crate::model::work::WorkCounts;
+use crate::multirate::energy::EnergyBook;
+use crate::multirate::failsafe::{Bounds, Cause, FailSafe, Fault};
+use crate::multirate::global::{BuildError, CycleSettings, GlobalSide, GlobalSimulation, Moment, SyncMode};
+use crate::multirate::messages::{CycleMessage, ModelMessage};
+use crate::multirate::servo::Servo;
+use crate::multirate::timeline::{Arrival, Fate, Timeline};
+use crate::multirate::trajectory::{Keep, Trajectory};
 use crate::scene::{Problem, Scene, SceneError};
-use crate::servo::Servo;
-use crate::timeline::{Arrival, Fate, Timeline};
+use crate::surface::geometry::SurfaceModel;
 
 /// Why a run did not complete.
 #[derive(Debug, Error)]
@@ -46,10 +51,9 @@ pub enum RunError {
 /// ```
 /// use stickslip::{pipeline, scene::Scene};
 ///
-/// let mut scene = Scene::shipped("fig5-stick-slip").expect("shipped with the program");
-/// scene.tick_count = 250;
+/// let scene = Scene::shipped("fig5-stick-slip").expect("shipped with the program").with_ticks(250);
 /// pipeline::run(&scene, |view| {
-///     assert!(((view.tick + 1) as f64 * scene.tick - view.time).abs() < 1e-12);
+///     assert!(((view.tick + 1) as f64 * scene.tick_s() - view.time).abs() < 1e-12);
 ///     // The force has no other parts.
 ///     assert!((view.normal_force().hypot(view.tangential_force()) - view.force.norm()).abs() < 1e-12);
 /// })?;
@@ -103,83 +107,87 @@ impl TickView<'_> {
     }
 }
 
-/// Where the schedule is, for whoever keeps time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Moment {
-    /// The network is about to catch up with the cycle just past.
-    CycleBegins,
-    /// It has; its next local model is about to be built.
-    ModelBegins,
-    /// The model is there.
-    ModelEnds,
-    /// The local side is about to do a tick.
-    TickBegins,
-    /// It has.
-    TickEnds,
+/// Parts of one's own, in place of what the scene says.
+#[derive(Debug, Default)]
+pub struct OwnParts {
+    /// Mesh in place of the scene's. The scene's masses, and the constants of springs where each has its own, must be as
+    /// many as its nodes and edges.
+    pub mesh: Option<Mesh>,
+    /// Instrument in place of the scene's.
+    pub instrument: Option<Box<dyn Instrument>>,
+    /// Renderer in place of the scene's local model, contact scheme and law. It runs in lockstep.
+    pub renderer: Option<Box<dyn Renderer>>,
 }
 
-/// The global side with its watch: what comes down is a model, or the cause why there is none.
-///
-/// ```
-/// use stickslip::{pipeline::{Moment, Simulation}, scene::Scene};
-///
-/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// let (_, mut global) = Simulation::prepare(&scene)?.into_loops();
-/// // No cycle has passed: the next model, below a tip at the origin, is built from the state of the start.
-/// let mut moments = Vec::new();
-/// let message = global.next_model([], &mut |moment| moments.push(moment))?;
-/// assert_eq!(moments, [Moment::CycleBegins, Moment::ModelBegins, Moment::ModelEnds]);
-/// let (start, patch) = (global.simulation().state(), &message.model.patch);
-/// assert!(patch.nodes.iter().zip(&message.state.x).all(|(&node, x)| *x == start.x[node as usize]));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-#[derive(Debug, Clone)]
-pub struct GlobalSide {
-    simulation: GlobalSimulation,
-    network: Arc<Network>,
-    bounds: Bounds,
+/// Why a scene cannot be put together.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum AssemblyError {
+    /// The material does not fit the mesh.
+    #[error(transparent)]
+    Network(#[from] NetworkError),
+    /// The mesh has no proper surface.
+    #[error(transparent)]
+    Surface(#[from] SurfaceError),
+    /// There is no static equilibrium to start from.
+    #[error(transparent)]
+    Settle(#[from] SettleError),
+    /// The instrument cannot be where the tip starts.
+    #[error(transparent)]
+    Instrument(#[from] InstrumentError),
+    /// The first model cannot be built.
+    #[error(transparent)]
+    Model(#[from] BuildError),
+    /// The tip starts inside the body.
+    #[error("the tip starts {depth_m:.6} m inside the body")]
+    TipInside {
+        /// How deep, m.
+        depth_m: f64,
+    },
+    /// A renderer of one's own gets its models from cycles that are replayed.
+    #[error("a renderer of one's own needs `local.model = \"patch\"` and `sync.mode = \"replay\"`")]
+    NoCycle,
+    /// A renderer of one's own that moves no nodes pushes the network, which an implicit global step does not take.
+    #[error("a renderer that moves no nodes needs an explicit `global.integrator`")]
+    PushedImplicitly,
 }
 
-impl GlobalSide {
-    /// The global simulation itself.
-    pub fn simulation(&self) -> &GlobalSimulation {
-        &self.simulation
-    }
-
-    /// Brings the network over the cycles that have passed, and builds the next local model. `mark` is told of
-    /// what begins and ends.
-    ///
-    /// # Errors
-    /// With what went wrong.
-    pub fn next_model(
-        &mut self,
-        passed: impl IntoIterator<Item = CycleMessage>,
-        mark: &mut impl FnMut(Moment),
-    ) -> Result<ModelMessage, Cause> {
-        let mut tip = Vec3::zeros();
-        mark(Moment::CycleBegins);
-        let caught_up = passed.into_iter().try_for_each(|message| {
-            tip = message.tip;
-            self.simulation.catch_up(&message)
-        });
-        mark(Moment::ModelBegins);
-        let model = caught_up.and_then(|()| self.simulation.build_model(tip));
-        mark(Moment::ModelEnds);
-        // A network that has run away has no model either: that it ran away is the cause.
-        match self.bounds.network_cause(&self.network.rest, self.simulation.state()) {
-            Some(cause) => Err(cause),
-            None => model.map_err(Cause::NoModel),
+impl AssemblyError {
+    /// With the place in the scene that decides it.
+    fn located(self, scene: &Scene) -> SceneError {
+        match self {
+            Self::Network(error) => scene.error(Problem::Network(error)),
+            Self::Surface(error) => scene.error(Problem::Surface(error)),
+            Self::Settle(error) => scene.error(Problem::Settle(error)),
+            Self::Instrument(error) => scene.error(Problem::Instrument { key: "instrument", error }),
+            Self::Model(BuildError::Model(error)) => scene.error(Problem::Model(error)),
+            Self::TipInside { depth_m } => scene.error(Problem::TipInside { depth_m }),
+            error @ (Self::Model(BuildError::Renderer(_)) | Self::NoCycle | Self::PushedImplicitly) => {
+                scene.error(Problem::OwnPart(error.to_string()))
+            }
         }
     }
+}
+
+/// The two sides of a simulation, ready for another schedule than lockstep.
+#[derive(Debug, Clone)]
+pub struct Sides {
+    /// The local model, contact, instrument and fail-safe.
+    pub servo: Servo,
+    /// The network, its cycle, and the builder of local models.
+    pub global: GlobalSide,
 }
 
 /// A scene put together, ready to run.
 ///
 /// ```
-/// use stickslip::{contact::law::Mode, pipeline::{Moment, Simulation}, scene::Scene, timeline::Timeline};
+/// use stickslip::contact::law::Mode;
+/// use stickslip::multirate::global::Moment;
+/// use stickslip::multirate::timeline::Timeline;
+/// use stickslip::pipeline::Simulation;
+/// use stickslip::scene::Scene;
 ///
-/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// scene.tick_count = 250;
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(250);
 /// let simulation = Simulation::prepare(&scene)?;
 /// assert_eq!((simulation.network().node_count(), simulation.surface().triangles.len()), (324, 448));
 /// assert!(simulation.device().is_none() && simulation.global().state().x == simulation.network().rest);
@@ -195,8 +203,9 @@ impl GlobalSide {
 /// // The tip comes down at 25 µm a tick from 2 mm: to a mesh that is 1.01 mm higher, in 39.6 ticks.
 /// let mut mesh = scene.mesh.mesh();
 /// mesh.nodes.iter_mut().for_each(|node| node.z += 0.00101);
+/// let own = OwnParts { mesh: Some(mesh), ..OwnParts::default() };
 /// let mut free = 0;
-/// Simulation::assemble(&scene, &mesh)?.run(|tick| free += u32::from(tick.report.mode == Mode::Free))?;
+/// Simulation::prepare_with(&scene, own)?.run(|tick| free += u32::from(tick.report.mode == Mode::Free))?;
 /// assert_eq!(free, 39);
 /// # Ok::<(), stickslip::pipeline::RunError>(())
 /// ```
@@ -207,7 +216,7 @@ pub struct Simulation {
     global: GlobalSide,
     servo: Servo,
     timeline: Timeline,
-    tick: f64,
+    tick_s: f64,
     tick_count: u64,
     ticks_per_cycle: u64,
     keep: Keep,
@@ -220,64 +229,85 @@ impl Simulation {
     /// here and at boundaries, none in a tick.
     ///
     /// # Errors
-    /// If the mesh has no proper surface, the tip starts inside it, or the device cannot be where the tip starts.
+    /// If settings of the scene are out of range or do not go together, the mesh has no proper surface, the tip starts
+    /// inside it, or the device cannot be where the tip starts.
     pub fn prepare(scene: &Scene) -> Result<Self, SceneError> {
-        Self::assemble(scene, &scene.mesh.mesh())
+        Self::prepare_with(scene, OwnParts::default())
     }
 
-    /// The same over a mesh of one's own.
+    /// The same with parts of one's own in place of the scene's.
     ///
     /// # Errors
-    /// As [`prepare`](Self::prepare), or if the scene's masses, or its springs' constants where each has its own, are not
-    /// as many as the mesh's nodes and edges.
-    pub fn assemble(scene: &Scene, mesh: &Mesh) -> Result<Self, SceneError> {
-        let network = Network::new(mesh, &scene.material, scene.fixed.clone());
-        let network = Arc::new(network.map_err(|error| scene.mesh_error(Problem::Network(error)))?);
-        let surface = Surface::new(mesh).map_err(|error| scene.mesh_error(Problem::Surface(error)))?;
-        let surface = Arc::new(surface);
-        let geometry =
-            ContactGeometry::new(scene.surface, &surface).map_err(|error| scene.mesh_error(Problem::Surface(error)))?;
+    /// As [`prepare`](Self::prepare), or if a part does not fit the scene.
+    pub fn prepare_with(scene: &Scene, own: OwnParts) -> Result<Self, SceneError> {
+        if own.mesh.is_none() {
+            scene.check()?;
+        }
+        Self::assemble(scene, own).map_err(|error| error.located(scene))
+    }
+
+    fn assemble(scene: &Scene, own: OwnParts) -> Result<Self, AssemblyError> {
+        let mesh = own.mesh.unwrap_or_else(|| scene.mesh.mesh());
+        let network = Arc::new(Network::new(&mesh, &scene.material, scene.fixed.clone())?);
+        let surface = Arc::new(Surface::new(&mesh)?);
+        let contact_surface = SurfaceModel::new(scene.surface, surface.clone())?;
         let mut start = network.rest_state();
         if scene.settle {
-            start.x = settle(&network).map_err(|error| scene.settle_error(error))?;
+            start.x = settle(&network)?;
         }
-        let builder = LocalModelBuilder::new(&network, surface.clone(), geometry, scene.local)
-            .with_integrator(scene.integrator, scene.tick);
+        let builder = LocalModelBuilder::new(&network, contact_surface.clone(), scene.local())
+            .with_integrator(scene.integrator, scene.tick_s());
         let cycle = CycleSettings {
             sync: scene.global.sync,
             integrator: scene.global.integrator,
             substeps: scene.global.substeps,
             threads: scene.global.threads,
-            ticks: scene.ticks_per_cycle,
-            tick: scene.tick,
+            ticks_per_cycle: scene.ticks_per_cycle(),
+            tick_s: scene.tick_s(),
             metric: scene.contact.scheme.overwrite_metric(),
         };
-        let mut global = GlobalSimulation::new(cycle, network.clone(), surface.clone(), builder, start);
+        let mut global = GlobalSimulation::new(cycle, network.clone(), builder, start);
+        let is_rendered_by_another = own.renderer.is_some();
+        if let Some(renderer) = own.renderer {
+            if scene.is_full() || scene.global.sync != SyncMode::Replay {
+                return Err(AssemblyError::NoCycle);
+            }
+            global = global.with_renderer(renderer);
+        }
 
-        let instrument = Instrument::new(&scene.instrument, &scene.path, scene.tick)
-            .map_err(|error| scene.instrument_error(error))?;
+        let instrument = match own.instrument {
+            Some(instrument) => InstrumentInUse::Own(instrument),
+            None => InstrumentInUse::new(&scene.instrument, &scene.path, scene.tick_s())?,
+        };
         let smoothing = HandOverSmoothing::new(scene.smoothing_ticks);
         let tip = instrument.start();
-        let ModelMessage { model, state } =
-            global.build_model(tip).map_err(|error| scene.mesh_error(Problem::Model(error)))?;
-        let local = LocalSimulation::new(scene.contact, scene.tick, model, state);
+        let ModelMessage { model, state, renderer } = global.build_model(tip)?;
+        let mut local = LocalSimulation::new(scene.contact, scene.tick_s(), contact_surface, model, state);
+        local.take_over(renderer);
         let distance = local.shape().signed_distance(tip);
         if !(distance >= -START_TOLERANCE) {
-            return Err(scene.tip_inside(-distance));
+            return Err(AssemblyError::TipInside { depth_m: -distance });
         }
-        let replays = scene.global.sync == SyncMode::Replay && scene.local.extent != Extent::All;
-        let bounds = Bounds::new(&network.rest);
+        let keep = match (is_rendered_by_another, local.moved()) {
+            (true, None) if scene.global.integrator == GlobalIntegrator::ImplicitEuler => {
+                return Err(AssemblyError::PushedImplicitly);
+            }
+            (true, None) => Keep::Push,
+            (true, Some(_)) => Keep::Path,
+            (false, _) if scene.global.sync == SyncMode::Replay && scene.local().extent != Extent::All => Keep::Path,
+            (false, _) => Keep::End,
+        };
         Ok(Self {
-            servo: Servo::new(local, instrument, smoothing, FailSafe::new(bounds), scene.tick),
+            servo: Servo::new(local, instrument, smoothing, FailSafe::new(Bounds::new(&network.rest)), scene.tick_s()),
             timeline: scene.timeline(),
-            global: GlobalSide { simulation: global, network: network.clone(), bounds },
+            global: GlobalSide::new(global, network.clone()),
             network,
             surface,
-            tick: scene.tick,
-            tick_count: scene.tick_count,
-            ticks_per_cycle: u64::from(scene.ticks_per_cycle),
-            keep: if replays { Keep::Path } else { Keep::End },
-            is_full: scene.is_full,
+            tick_s: scene.tick_s(),
+            tick_count: scene.tick_count(),
+            ticks_per_cycle: u64::from(scene.ticks_per_cycle()),
+            keep,
+            is_full: scene.is_full(),
         })
     }
 
@@ -311,20 +341,15 @@ impl Simulation {
         self.global.simulation()
     }
 
-    /// The two sides with instrument and watch, for another schedule.
-    pub fn into_loops(self) -> (Servo, GlobalSide) {
-        (self.servo, self.global)
+    /// The two sides, for another schedule or a loop of one's own. (A clone of the servo side has to allocate its scratch
+    /// again in its first ticks; this one has it.)
+    pub fn into_sides(self) -> Sides {
+        Sides { servo: self.servo, global: self.global }
     }
 
     /// How much of the patch's path the global side needs; `None` if there are no cycles.
     pub fn keeps(&self) -> Option<Keep> {
         (!self.is_full).then_some(self.keep)
-    }
-
-    /// The two sides, for a loop of one's own. (A clone of the local side has to allocate its scratch
-    /// again in its first ticks; this one has it.)
-    pub fn into_sides(self) -> (GlobalSimulation, LocalSimulation) {
-        (self.global.simulation, self.servo.into_local())
     }
 
     /// Runs in lockstep: the two sides take turns in virtual time. `observe` is called after every
@@ -342,8 +367,8 @@ impl Simulation {
     /// With the fault that ended the run.
     pub fn run_timed(self, mut mark: impl FnMut(Moment), mut observe: impl FnMut(&TickView)) -> Result<(), Fault> {
         let mut run = Lockstep::new(self);
-        while run.begin_tick(&mut mark)? {
-            run.finish_tick(&mut mark, &mut observe)?;
+        while let Some(view) = run.step_timed(&mut mark)? {
+            observe(&view);
         }
         Ok(())
     }
@@ -354,14 +379,13 @@ impl Simulation {
 /// ```
 /// use stickslip::{pipeline::{Lockstep, Simulation}, scene::Scene};
 ///
-/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// scene.tick_count = 120;
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(120);
 /// let mut run = Lockstep::new(Simulation::prepare(&scene)?);
 /// let mut ticks = 0;
-/// while run.begin_tick(&mut |_| ())? {
-///     let from = run.servo().tip();
-///     run.finish_tick(&mut |_| (), &mut |view| assert_eq!(view.tip_before, from))?;
-///     ticks += 1;
+/// let mut tip = run.servo().tip();
+/// while let Some(view) = run.step()? {
+///     assert_eq!(view.tip_before, tip);
+///     (tip, ticks) = (view.tip, ticks + 1);
 /// }
 /// assert_eq!((ticks, run.servo().next_tick()), (120, 120));
 /// # Ok::<(), stickslip::pipeline::RunError>(())
@@ -389,16 +413,36 @@ impl Lockstep {
         run
     }
 
-    /// The servo's side: after [`begin_tick`](Self::begin_tick), ready for the tick.
+    /// The servo side after the last tick.
     pub fn servo(&self) -> &Servo {
         &self.simulation.servo
     }
 
-    /// All that comes before a tick: the boundary of a cycle, a model that is due. Whether there is a tick.
+    /// A copy of the servo side as it enters the next tick, with the model that is due then; `None` after the last tick, or
+    /// where the global side ends the run before it.
+    pub fn servo_at_next_tick(&self) -> Option<Servo> {
+        let mut ahead = self.clone();
+        matches!(ahead.begin(&mut |_| ()), Ok(true)).then_some(ahead.simulation.servo)
+    }
+
+    /// One tick, with what comes before it: the boundary of a cycle, a model that is due. `None` when the run is over.
     ///
     /// # Errors
-    /// With a fault of the global side.
-    pub fn begin_tick(&mut self, mark: &mut impl FnMut(Moment)) -> Result<bool, Fault> {
+    /// With the fault that ended the run.
+    pub fn step(&mut self) -> Result<Option<TickView<'_>>, Fault> {
+        self.step_timed(&mut |_| ())
+    }
+
+    /// As [`step`](Self::step); `mark` is told of every moment of the schedule as it comes.
+    ///
+    /// # Errors
+    /// With the fault that ended the run.
+    pub fn step_timed(&mut self, mark: &mut impl FnMut(Moment)) -> Result<Option<TickView<'_>>, Fault> {
+        if self.begin(mark)? { self.finish(mark).map(Some) } else { Ok(None) }
+    }
+
+    /// Everything before a tick. Returns whether there is one.
+    fn begin(&mut self, mark: &mut impl FnMut(Moment)) -> Result<bool, Fault> {
         let Simulation { global, servo, timeline, ticks_per_cycle, tick_count, keep, is_full, .. } =
             &mut self.simulation;
         let tick = servo.next_tick();
@@ -425,46 +469,44 @@ impl Lockstep {
         Ok(true)
     }
 
-    /// The tick itself; `observe` sees what it did.
-    ///
-    /// # Errors
-    /// With the fault that the fail-safe found.
-    pub fn finish_tick(
-        &mut self,
-        mark: &mut impl FnMut(Moment),
-        observe: &mut impl FnMut(&TickView),
-    ) -> Result<(), Fault> {
-        let Simulation { global, network, servo, timeline, tick: step, is_full, .. } = &mut self.simulation;
+    /// The tick itself.
+    fn finish(&mut self, mark: &mut impl FnMut(Moment)) -> Result<TickView<'_>, Fault> {
+        let Simulation { global, network, servo, timeline, tick_s, is_full, keep, .. } = &mut self.simulation;
         let fate = timeline.fate(servo.next_tick());
         mark(Moment::TickBegins);
         let done = servo.tick(fate)?;
         mark(Moment::TickEnds);
         let local = servo.local();
-        if !*is_full {
-            self.trajectory.record(local.state());
+        match (local.moved(), *keep) {
+            _ if *is_full => {}
+            (Some(moved), _) => self.trajectory.record_at(moved.x, moved.v),
+            (None, Keep::Push) => {
+                let point = servo.report().touch.filter(|_| fate != Fate::Skipped).map(|touch| touch.point);
+                self.trajectory.record_push(done.report.force, point);
+            }
+            (None, _) => self.trajectory.record(local.state()),
         }
         if fate != Fate::Skipped {
-            self.energy.book(local, &done.report, done.tip_before, done.tip, *step);
+            self.energy.book(local, &done.report, done.tip_before, done.tip, *tick_s);
         }
-        observe(&TickView {
+        Ok(TickView {
             tick: done.tick,
             time: done.time,
             tip_before: done.tip_before,
             tip: done.tip,
             force: done.force,
-            report: &done.report,
+            report: servo.report(),
             fate,
             has_deadlines: !matches!(timeline, Timeline::Ideal { .. }),
             local,
             network,
-            network_state: global.simulation.state(),
+            network_state: global.simulation().state(),
             model_age: if *is_full { 0 } else { done.model_age },
             energy: &self.energy,
-            work: local.state().work + global.simulation.work(),
-            condensation: global.simulation.condensation(),
+            work: local.state().work + global.simulation().work(),
+            condensation: global.simulation().condensation(),
             device: done.device,
-        });
-        Ok(())
+        })
     }
 
     /// The path from here on of the model now in use, to the end of the cycle at most.
@@ -473,7 +515,11 @@ impl Lockstep {
         let tick_in_cycle = servo.next_tick() % ticks_per_cycle;
         let ticks = (ticks_per_cycle - tick_in_cycle).min(*tick_count);
         let local = servo.local();
-        self.trajectory.begin(local.model(), local.state(), tick_in_cycle as usize, ticks as usize);
+        let (tick, ticks) = (tick_in_cycle as usize, ticks as usize);
+        match local.moved() {
+            Some(moved) => self.trajectory.begin_at(moved.nodes, moved.x, moved.v, tick, ticks),
+            None => self.trajectory.begin(local.model(), local.state(), tick, ticks),
+        }
     }
 }
 

@@ -10,10 +10,10 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::Vec3;
-use crate::device::failsafe::Fault;
+use crate::multirate::failsafe::Fault;
+use crate::multirate::timeline::{OverrunPolicy, RecordedTimes, Timeline};
 use crate::pipeline::{Lockstep, Simulation, TickView};
 use crate::scene::{Scene, SceneError};
-use crate::timeline::{OverrunPolicy, RecordedTimes, Timeline};
 
 /// The version of the file's format.
 const FORMAT: &str = "stickslip-session-1";
@@ -157,7 +157,7 @@ impl Why {
 ///
 /// ```
 /// use stickslip::session::{Checksum, RecordedPass, Replayed, Session, replay};
-/// use stickslip::timeline::{Arrival, OverrunPolicy, RecordedTimes};
+/// use stickslip::multirate::timeline::{Arrival, OverrunPolicy, RecordedTimes};
 /// use stickslip::scene::Scene;
 ///
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
@@ -269,8 +269,8 @@ impl Session {
             format: FORMAT.to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             scene_path: std::path::absolute(scene.path_name()).unwrap_or_else(|_| scene.path_name().to_owned()),
-            scene: scene.text().to_owned(),
-            rate_hz: 1.0 / scene.tick,
+            scene: scene.text().unwrap_or_default().to_owned(),
+            rate_hz: scene.local_rate_hz(),
             overrun,
             passes: Vec::new(),
             worst: Vec::new(),
@@ -295,11 +295,11 @@ impl Session {
     /// Its scene, at its rate.
     ///
     /// # Errors
-    /// If it is none, or names a file that is gone.
+    /// If it is none, names a file that is gone, or was built in Rust.
     pub fn scene(&self) -> Result<Scene, SceneError> {
         let scene = Scene::parse(&self.scene, &self.scene_path)?;
-        let is_own_rate = (1.0 / scene.tick).to_bits() == self.rate_hz.to_bits();
-        let mut scene = if is_own_rate { scene } else { scene.at_rate(self.rate_hz)? };
+        let is_own_rate = scene.local_rate_hz().to_bits() == self.rate_hz.to_bits();
+        let mut scene = if is_own_rate { scene } else { scene.with_local_rate_hz(self.rate_hz)? };
         scene.deadline.overrun = self.overrun;
         Ok(scene)
     }
@@ -322,23 +322,18 @@ pub fn replay(simulation: Simulation, recorded: &RecordedPass, mut observe: impl
     // A recorded fault comes in the tick after the last that was done.
     let last = recorded.ticks + u64::from(recorded.fault.is_some());
     while ticks < last && fault.is_none() {
-        let step = run.begin_tick(&mut |_| ()).and_then(|is_there| {
-            if is_there {
-                run.finish_tick(&mut |_| (), &mut |view| {
-                    checksum.add(view.force);
-                    let taped = Taped::new(view.tip, view.force);
-                    let was = recorded.tape.get(view.tick as usize);
-                    if differs.is_none() && was.is_some_and(|was| !was.is_same(&taped)) {
-                        differs = Some(view.tick);
-                    }
-                    observe(view);
-                })?;
+        match run.step() {
+            Ok(Some(view)) => {
+                checksum.add(view.force);
+                let taped = Taped::new(view.tip, view.force);
+                let was = recorded.tape.get(view.tick as usize);
+                if differs.is_none() && was.is_some_and(|was| !was.is_same(&taped)) {
+                    differs = Some(view.tick);
+                }
+                observe(&view);
+                ticks += 1;
             }
-            Ok(is_there)
-        });
-        match step {
-            Ok(true) => ticks += 1,
-            Ok(false) => break,
+            Ok(None) => break,
             Err(error) => fault = Some(Box::new(error)),
         }
     }

@@ -9,8 +9,9 @@ use std::hint::black_box;
 use gungraun::prelude::*;
 use gungraun::{Callgrind, EventKind};
 use stickslip::Vec3;
-use stickslip::contact::tick::LocalSimulation;
-use stickslip::model::network::{Network, State};
+use stickslip::contact::simulation::LocalSimulation;
+use stickslip::model::network::Network;
+use stickslip::model::state::State;
 use stickslip::pipeline::Simulation;
 use stickslip::scene::Scene;
 
@@ -49,7 +50,7 @@ fn simulation() -> Simulation {
 
 /// Down to a height through the surface, as a collision needs, and on until the pressing is over.
 fn ticking(height: f64) -> (Ticking, f64) {
-    let local = simulation().into_sides().1;
+    let local = simulation().into_sides().servo.into_local();
     let mut ticking = Ticking { local, tick: 0, before: Vec3::new(-0.03, 0.0013, 0.002) };
     for i in 0..80 {
         ticking.step(0.002 + (height - 0.002) * f64::from(i) / 79.0);

@@ -16,7 +16,8 @@ use std::time::{Duration, Instant, SystemTime};
 
 use serde::Serialize;
 use stickslip::Vec3;
-use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper, Threads, Unconstrained};
+use stickslip::dynamics::constraint::{Threads, Unconstrained};
+use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper};
 
 use crate::network::{NetworkFile, STEP, cases, largest, root_mean_square, vectors};
 use crate::peer::{Failure, PEERS, Peer, Program, Running};

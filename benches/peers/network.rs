@@ -10,8 +10,9 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::{Deserialize, Serialize};
 use stickslip::Vec3;
 use stickslip::model::mesh::{Block, Mesh, Stencil};
-use stickslip::model::network::{Network, State};
+use stickslip::model::network::Network;
 use stickslip::model::springs::Spring;
+use stickslip::model::state::State;
 
 /// Distance between lattice neighbours, m.
 const SPACING: f64 = 0.0125;

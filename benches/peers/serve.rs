@@ -7,8 +7,10 @@ use std::io::{Write, stdin, stdout};
 use std::path::Path;
 use std::time::Instant;
 
-use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper, Steps, Threads, Unconstrained};
-use stickslip::model::network::{Network, State};
+use stickslip::dynamics::constraint::{Steps, Threads, Unconstrained};
+use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper};
+use stickslip::model::network::Network;
+use stickslip::model::state::State;
 
 use crate::network::{NetworkFile, STEP};
 

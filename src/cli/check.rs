@@ -4,11 +4,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use comfy_table::{Table, presets::UTF8_FULL_CONDENSED};
 use serde::Serialize;
 
 use super::progress::Progress;
 use super::terminal::{hand_out, say, wants_json};
-use super::{FAIL, PASS, load, table, time};
+use super::{FAIL, PASS, load, time};
 use crate::output::files::{WriteError, write_json};
 use crate::scene::{SHIPPED, Scene, SceneError};
 use crate::verify::accept::accept;
@@ -142,12 +143,12 @@ pub fn check(arguments: &CheckArguments) -> miette::Result<u8> {
         None => Store::Program,
     };
 
-    let mut progress = Progress::new(loaded.iter().map(|scene| scene.tick_count).sum(), "ticks");
+    let mut progress = Progress::new(loaded.iter().map(|scene| scene.tick_count()).sum(), "ticks");
     let mut checked = Vec::with_capacity(loaded.len());
     for scene in &loaded {
         progress.begin(&scene.name);
         let results = Results::of(scene, |ticks| progress.set(ticks))?;
-        progress.end(scene.tick_count);
+        progress.end(scene.tick_count());
         checked.push(Checked::new(&store, scene, &results));
     }
     drop(progress);
@@ -163,8 +164,8 @@ pub fn check(arguments: &CheckArguments) -> miette::Result<u8> {
     write_json(&out.join("check.json"), &file)?;
 
     hand_out(&file)?;
-    say(table::checked(&checked))?;
-    if let Some(table) = table::changed(&checked) {
+    say(verdict_table(&checked))?;
+    if let Some(table) = change_table(&checked) {
         say(table)?;
     }
     say(format_args!("{}: every quantity in {}", verdict(passes), out.join("check.json").display()))?;
@@ -185,7 +186,7 @@ fn accept_results(scene: &Path, reason: &str, folder: Option<&Path>) -> miette::
             "there is no folder {IN_CLONE} here"
         ),
     };
-    let mut progress = Progress::new(scene.tick_count, "ticks");
+    let mut progress = Progress::new(scene.tick_count(), "ticks");
     progress.begin(&scene.name);
     let results = Results::of(&scene, |ticks| progress.set(ticks))?;
     drop(progress);
@@ -207,4 +208,57 @@ fn accept_results(scene: &Path, reason: &str, folder: Option<&Path>) -> miette::
     }
     hand_out(&found)?;
     Ok(PASS)
+}
+
+/// A line per scene that was checked.
+fn verdict_table(scenes: &[Checked]) -> Table {
+    let mut table = Table::new();
+    table.load_style(UTF8_FULL_CONDENSED).set_header(["scene", "verdict", "quantities"]);
+    for scene in scenes {
+        let share = scene.comparisons.iter().filter(|c| c.outcome == Outcome::Within);
+        let share = share.map(Comparison::share_of_tolerance).fold(0.0, f64::max);
+        let within = match scene.within_tolerance {
+            0 => String::new(),
+            count => format!(", {count} within tolerance (using up to {share:.1e} of it)"),
+        };
+        let quantities = scene.problem.clone().unwrap_or_else(|| {
+            let improved = if scene.improved > 0 { format!(", {} improved", scene.improved) } else { String::new() };
+            let failed = if scene.failed > 0 { format!(", {} FAIL", scene.failed) } else { String::new() };
+            format!("{} identical to the bit{within}{improved}{failed}", scene.identical)
+        });
+        table.add_row([scene.scene.clone(), scene.verdict.to_owned(), quantities]);
+    }
+    table
+}
+
+/// What failed or improved; none if nothing did.
+fn change_table(scenes: &[Checked]) -> Option<Table> {
+    let mut table = Table::new();
+    let head = ["scene", "quantity", "baseline", "now", "difference", "tolerance", "first tick", "outcome"];
+    table.load_style(UTF8_FULL_CONDENSED).set_header(head);
+    let shown = |c: &&Comparison| matches!(c.outcome, Outcome::Fail | Outcome::Improved);
+    for scene in scenes {
+        for c in scene.comparisons.iter().filter(shown) {
+            table.add_row([
+                scene.scene.clone(),
+                c.quantity.clone(),
+                value(&c.baseline),
+                value(&c.now),
+                if c.difference.0.is_finite() { format!("{:+.3e}", c.difference.0) } else { "–".to_owned() },
+                format!("{:.1e}", c.tolerance.0),
+                c.first_tick.map_or("–".to_owned(), |tick| tick.to_string()),
+                if c.outcome == Outcome::Fail { "FAIL" } else { "improved" }.to_owned(),
+            ]);
+        }
+    }
+    (!table.is_empty()).then_some(table)
+}
+
+fn value(value: &serde_json::Value) -> String {
+    match value {
+        serde_json::Value::Null => "not a number, or missing".to_owned(),
+        serde_json::Value::String(text) if text.len() == 64 => format!("{}…", &text[..12]),
+        serde_json::Value::String(text) => text.clone(),
+        other => other.to_string(),
+    }
 }

@@ -10,12 +10,13 @@ use self::device::DeviceFacts;
 use super::terminal::{hand_out, say};
 use super::{PASS, read};
 use crate::Vec3;
-use crate::dynamics::global::SyncMode;
-use crate::dynamics::integrators::{GlobalIntegrator, Threads};
+use crate::dynamics::constraint::Threads;
+use crate::dynamics::integrators::GlobalIntegrator;
 use crate::dynamics::stability::{StepLimit, explicit_step_limit};
-use crate::model::condensation::Outcome;
-use crate::model::local::Linearization;
-use crate::model::step::{LinearStep, LocalIntegrator};
+use crate::local::condensation::Outcome;
+use crate::local::model::Linearization;
+use crate::local::step::{LinearStep, LocalIntegrator};
+use crate::multirate::global::SyncMode;
 use crate::pipeline::Simulation;
 use crate::scene::Scene;
 
@@ -139,15 +140,15 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
         nodes: network.node_count(),
         fixed_nodes: network.fixed.iter().filter(|&&fixed| fixed).count(),
         springs: network.springs.len(),
-        surface_triangles: model.surface.triangles.len(),
-        ticks: scene.tick_count,
-        ticks_per_cycle: scene.ticks_per_cycle,
+        surface_triangles: simulation.surface().triangles.len(),
+        ticks: scene.tick_count(),
+        ticks_per_cycle: scene.ticks_per_cycle(),
         patch_nodes: patch.len(),
         patch_springs: patch.springs.len(),
         stiffness_n_per_m: scene.material.stiffness.range(),
         damping_n_s_per_m: scene.material.damping.range(),
     };
-    let linear = matches!(scene.local.linearization, Linearization::Tangent(_));
+    let linear = matches!(scene.local().linearization, Linearization::Tangent(_));
     let rows = 3 * patch.len();
     let step = model.step.as_ref();
     let columns = if step.is_some() || patch.springs.is_damped() || scene.material.drag != 0.0 { 6 } else { 3 };
@@ -157,7 +158,7 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
         products: step.map_or(1, LinearStep::products),
         response: step.is_some().then_some([rows, rows]),
         springs: (!linear).then_some(patch.springs.len()),
-        contact_nodes: model.geometry.largest_support(),
+        contact_nodes: simulation.local().surface().geometry.largest_support(),
     };
     let stages = match scene.global.integrator {
         GlobalIntegrator::SemiImplicitEuler => 1,
@@ -166,12 +167,12 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
         GlobalIntegrator::Rk4 => 4,
     };
     let integrates = scene.parts().iter().any(|part| part.name == "replay of the patch's path" && part.needed)
-        || (scene.global.sync == SyncMode::Overwrite && !scene.is_full);
+        || (scene.global.sync == SyncMode::Overwrite && !scene.is_full());
     let evaluations = if integrates { stages * scene.global.substeps } else { 0 };
     let cost_per_cycle = CycleCost {
         force_evaluations: evaluations,
         springs: network.springs.len(),
-        new_models: u32::from(!scene.is_full),
+        new_models: u32::from(!scene.is_full()),
         condensation: model.condensation.map(|(outcome, size)| CondensationCost {
             outcome: match outcome {
                 Outcome::AsAsked => "as asked",
@@ -192,10 +193,10 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
     let global_limit =
         explicit_step_limit(&network.springs, &simulation.global().state().x, &network.inverse_mass, drag);
     let local_step = match scene.integrator {
-        LocalIntegrator::SemiImplicitEuler => Step::new(scene.tick, local_limit),
-        implicit => Step::unlimited(scene.tick, local_limit, implicit.name()),
+        LocalIntegrator::SemiImplicitEuler => Step::new(scene.tick_s(), local_limit),
+        implicit => Step::unlimited(scene.tick_s(), local_limit, implicit.name()),
     };
-    let substep = 1.0 / (scene.global.rate * f64::from(scene.global.substeps));
+    let substep = 1.0 / (scene.global_rate_hz() * f64::from(scene.global.substeps));
     let global_step = match scene.global.integrator {
         GlobalIntegrator::ImplicitEuler => Step::unlimited(substep, global_limit, "implicit-euler"),
         GlobalIntegrator::SemiImplicitEuler | GlobalIntegrator::Rk4 => Step::new(substep, global_limit),
@@ -221,7 +222,7 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
 }
 
 fn warnings(scene: &Scene, simulation: &Simulation, local: &Step, global: Option<&Step>) -> Vec<String> {
-    let mut warnings = scene.warnings.clone();
+    let mut warnings = scene.warnings();
     if local.is_beyond() {
         warnings.push(format!("the local tick is beyond its stability limit: {}", local.text()));
     }
@@ -244,13 +245,13 @@ fn warnings(scene: &Scene, simulation: &Simulation, local: &Step, global: Option
     let patch = &model.patch;
     if patch.len() < simulation.network().fixed.iter().filter(|&&fixed| !fixed).count() {
         // From the patch's middle to its furthest surface node, at rest.
-        let on_surface: Vec<_> = (model.surface.vertex_node.iter().zip(&patch.vertex_slot))
-            .filter(|&(_, &slot)| slot != crate::model::patch::OUTSIDE)
+        let on_surface: Vec<_> = (simulation.surface().vertex_node.iter().zip(&patch.vertex_slot))
+            .filter(|&(_, &slot)| slot != crate::local::patch::OUTSIDE)
             .map(|(&node, _)| simulation.network().rest[node as usize])
             .collect();
         let middle = on_surface.iter().sum::<Vec3>() / on_surface.len().max(1) as f64;
         let reach = on_surface.iter().map(|x| (x - middle).norm()).fold(0.0, f64::max);
-        let way = scene.path.top_speed() / scene.global.rate;
+        let way = scene.path.top_speed() / scene.global_rate_hz();
         if way > reach {
             warnings.push(format!(
                 "the tip goes up to {:.1} mm in a global cycle and the patch reaches {:.1} mm: contact may leave the patch and become rigid",

@@ -206,7 +206,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
 /// As [`read`], with its warnings on standard error.
 fn load(scene: &Path) -> Result<(Scene, Expectation), SceneError> {
     let (scene, expectation) = read(scene)?;
-    for warning in &scene.warnings {
+    for warning in &scene.warnings() {
         eprintln!("Warning: {warning}");
     }
     Ok((scene, expectation))

@@ -8,9 +8,9 @@ use clap::Args;
 use super::progress::Progress;
 use super::terminal::{hand_out, say};
 use super::{FAIL, PASS, folder, load, table};
-use crate::device::failsafe::Cause;
-use crate::model::local::Linearization;
+use crate::local::model::Linearization;
 use crate::model::springs::TangentKind;
+use crate::multirate::failsafe::Cause;
 use crate::output::files::{FinishedRun, run_into};
 use crate::output::vtk::VtkWriter;
 use crate::pipeline::{Simulation, TickView};
@@ -50,7 +50,7 @@ pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
         }
         None => None,
     };
-    let mut progress = Progress::new(scene.tick_count, "ticks");
+    let mut progress = Progress::new(scene.tick_count(), "ticks");
     progress.begin(&scene.name);
     let (finished, is_same) = execute(&scene, &out, |view| {
         frames.iter_mut().for_each(|frames| frames.record(view));
@@ -82,7 +82,7 @@ pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
     }
     if let Some(fault) = &finished.fault {
         eprintln!("{fault}");
-        let is_frozen = scene.local.linearization == Linearization::Tangent(TangentKind::Exact);
+        let is_frozen = scene.local().linearization == Linearization::Tangent(TangentKind::Exact);
         if matches!(fault.cause, Cause::Runaway { .. }) && is_frozen {
             eprintln!("{RUNAWAY_ADVICE}");
         }

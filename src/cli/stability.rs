@@ -270,7 +270,7 @@ fn disagreement(boundary: &Boundary) -> String {
 
 #[cfg(feature = "plots")]
 fn figure(axis: Axis, maps: &[Boundary]) -> miette::Result<String> {
-    use crate::output::limits::{Curve, Panel, limits};
+    use crate::output::figures::limits::{Curve, Panel, limits};
     let mut series: Vec<String> = Vec::new();
     let mut panels: Vec<Panel> = Vec::new();
     // The boundaries of one curve follow each other, in the order of the axis's values.

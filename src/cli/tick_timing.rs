@@ -7,11 +7,11 @@ use std::time::Instant;
 use serde::Serialize;
 
 use crate::contact::law::Mode;
-use crate::pipeline::{Lockstep, Simulation, TickView};
+use crate::multirate::servo::Servo;
+use crate::multirate::timeline::Fate;
+use crate::pipeline::{Lockstep, Simulation};
 use crate::scene::{Scene, SceneError};
-use crate::servo::Servo;
 use crate::session::{RecordedPass, Session, TickToReplay, Why};
-use crate::timeline::Fate;
 
 /// Repetitions with warm and with cold caches.
 const WARM: usize = 101;
@@ -53,19 +53,14 @@ pub fn time_ticks(session: &Session, scene: &Scene) -> Result<Vec<TimedTick>, Sc
         marked.sort_by_key(|tick| tick.tick);
         let mut run = Lockstep::new(simulation);
         for tick in marked {
-            while run.servo().next_tick() < tick.tick && step(&mut run, &mut |_| ()) {}
-            // The state before the tick, after whatever is handed over to it.
-            let mut ahead = run.clone();
-            if run.servo().next_tick() == tick.tick && ahead.begin_tick(&mut |_| ()).is_ok_and(|is_there| is_there) {
-                timed.push(time(ahead.servo(), tick, &mut cache));
+            while run.servo().next_tick() < tick.tick && matches!(run.step(), Ok(Some(_))) {}
+            let is_next = run.servo().next_tick() == tick.tick;
+            if let Some(servo) = is_next.then(|| run.servo_at_next_tick()).flatten() {
+                timed.push(time(&servo, tick, &mut cache));
             }
         }
     }
     Ok(timed)
-}
-
-fn step(run: &mut Lockstep, observe: &mut impl FnMut(&TickView)) -> bool {
-    matches!(run.begin_tick(&mut |_| ()), Ok(true)) && run.finish_tick(&mut |_| (), observe).is_ok()
 }
 
 /// The first tick of every kind in a pass.
@@ -73,29 +68,28 @@ fn kinds(simulation: Simulation, pass: &RecordedPass) -> Vec<TickToReplay> {
     let mut run = Lockstep::new(simulation);
     let mut first: Vec<(Why, u64)> = Vec::new();
     let mut triangle = None;
-    let mut is_going = true;
-    while is_going && run.servo().next_tick() < pass.ticks {
-        is_going = step(&mut run, &mut |view| {
-            let now = view.report.touch.map(|touch| touch.point.triangle);
-            let found = [
-                (Why::ContactOnset, view.report.collision_time.is_some()),
-                (Why::EdgeCrossed, triangle.is_some() && now.is_some() && now != triangle),
-                (Why::HandOver, view.tick > 0 && view.model_age == 0 && view.report.mode != Mode::Free),
-            ];
-            triangle = now;
-            for (why, _) in found.iter().filter(|(_, is_so)| *is_so && view.fate != Fate::Skipped) {
-                if !first.iter().any(|(known, _)| known == why) {
-                    first.push((*why, view.tick));
-                }
+    while run.servo().next_tick() < pass.ticks
+        && let Ok(Some(view)) = run.step()
+    {
+        let now = view.report.touch.map(|touch| touch.point.triangle);
+        let found = [
+            (Why::ContactOnset, view.report.collision_time.is_some()),
+            (Why::EdgeCrossed, triangle.is_some() && now.is_some() && now != triangle),
+            (Why::HandOver, view.tick > 0 && view.model_age == 0 && view.report.mode != Mode::Free),
+        ];
+        triangle = now;
+        for (why, _) in found.iter().filter(|(_, is_so)| *is_so && view.fate != Fate::Skipped) {
+            if !first.iter().any(|(known, _)| known == why) {
+                first.push((*why, view.tick));
             }
-        });
+        }
     }
     first.iter().map(|&(why, tick)| TickToReplay { pass: pass.pass, tick, why }).collect()
 }
 
 /// A network that has come to rest, untouched: the place where subnormal numbers would show.
 fn at_rest(simulation: Simulation, pass: u32, cache: &mut [u64]) -> Option<TimedTick> {
-    let mut servo = simulation.into_loops().0;
+    let mut servo = simulation.into_sides().servo;
     // The first tick's tip again and again.
     for _ in 0..REST_TICKS {
         let tip = servo.tip();

@@ -1,8 +1,9 @@
 //! Continuous collision detection of the moving tip against moving triangles.
 
-use super::surface::{ContactPoint, Shape, plane_weights};
-use super::tree::Aabb;
+use super::shape::{Shape, plane_weights};
 use crate::Vec3;
+use crate::surface::geometry::ContactPoint;
+use crate::surface::tree::Aabb;
 
 /// A point this far outside a triangle, in barycentric weight, still hits it: neighbours share the
 /// edge between them to round-off.

@@ -1,6 +1,8 @@
 //! The three contact constraints: what the instrument feels, and how the mesh goes on.
 
-use super::operators::Support;
+use std::fmt;
+
+use crate::surface::support::Support;
 use crate::{Mat3, Vec3};
 
 /// The constraint between tip and surface.
@@ -20,11 +22,11 @@ use crate::{Mat3, Vec3};
 ///
 /// // The impulse that makes a point of 2 kg move with (1, 0, −1) m/s more: its tangential part is bounded too.
 /// let response = Mat3::identity() / 2.0;
-/// let impulse = law.impulse(&response, Vec3::new(1.0, 0.0, -1.0), normal);
+/// let impulse = law.impulse(&response, Vec3::new(1.0, 0.0, -1.0), normal, 1e-3);
 /// assert_eq!((impulse.mode, impulse.fell_back), (Mode::Slip, false));
 /// assert!((impulse.value - Vec3::new(1.0, 0.0, -2.0)).norm() < 1e-15);
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub enum Law {
     /// The tip keeps the surface out of its way and nothing else.
     Sliding,
@@ -35,13 +37,97 @@ pub enum Law {
         /// μ ≥ 0.
         friction: f64,
     },
+    /// A law of one's own.
+    Own(&'static dyn ContactLaw),
+}
+
+impl PartialEq for Law {
+    /// Laws of one's own are equal if they are the same object.
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Law::Sliding, Law::Sliding) | (Law::Sticking, Law::Sticking) => true,
+            (Law::StickSlip { friction }, Law::StickSlip { friction: other }) => friction == other,
+            (Law::Own(law), Law::Own(other)) => std::ptr::addr_eq(*law, *other),
+            _ => false,
+        }
+    }
+}
+
+/// The door for a contact law of one's own: what the contact makes of the force that would hold its point.
+///
+/// Contract: a law is `Sync`, since both threads and copies of a run share it, and lives as long as the program: a constant,
+/// a `static`, or a leaked box. It has no state; it allocates nothing, locks nothing and does no I/O; the same arguments
+/// give the same result to the bit.
+///
+/// ```
+/// use stickslip::{ContactLaw, Law, Mode, Scene, Vec3};
+///
+/// /// Adhesive friction after Derjaguin: F_T is at most μ(F_N + A).
+/// #[derive(Debug)]
+/// struct Derjaguin {
+///     friction: f64,
+///     adhesion_n: f64,
+/// }
+/// impl ContactLaw for Derjaguin {
+///     fn contact_force(&self, reaction: Vec3, normal: Vec3) -> (Mode, Vec3) {
+///         let normal_force = reaction.dot(&normal);
+///         let tangential = reaction - normal * normal_force;
+///         let bound = self.friction * (normal_force + self.adhesion_n);
+///         if tangential.norm() <= bound {
+///             (Mode::Stick, reaction)
+///         } else {
+///             (Mode::Slip, normal * normal_force + tangential.normalize() * bound)
+///         }
+///     }
+/// }
+///
+/// let mut scene = Scene::shipped("fig5-stick-slip").expect("shipped with the program");
+/// scene.contact.law = Law::Own(&Derjaguin { friction: 0.3, adhesion_n: 0.1 });
+/// let mut excess_n = f64::NEG_INFINITY;
+/// stickslip::run(&scene, |tick| {
+///     if tick.report.mode == Mode::Slip {
+///         excess_n = excess_n.max(tick.tangential_force() - 0.3 * (tick.normal_force() + 0.1));
+///     }
+/// })?;
+/// assert!(excess_n.abs() < 1e-12);
+/// # Ok::<(), stickslip::RunError>(())
+/// ```
+pub trait ContactLaw: fmt::Debug + Sync {
+    /// The force on the instrument, N, and what the contact does, for the reaction λ that would hold the contact point.
+    /// It is asked where F_N = λ·n̂ > 0. Under [`Mode::Slip`] and [`Mode::Slide`] the contact point is free to move
+    /// along the surface.
+    fn contact_force(&self, reaction: Vec3, normal: Vec3) -> (Mode, Vec3);
+
+    /// Whether the geometric scheme moves the mesh to the tip along the normal only, as frictionless sliding does.
+    fn follows_along_normal_only(&self) -> bool {
+        false
+    }
+
+    /// The impulse on the mesh where it responds with GΛ, G any 3 × 3 matrix, r·n̂ < 0 and ticks are `tick_s` long. By
+    /// default the tangential part is that of [`contact_force`](Self::contact_force) for −G⁻¹r/h, and the normal part
+    /// makes the contact point follow the tip along n̂.
+    fn impulse(&self, response: &Mat3, r: Vec3, normal: Vec3, tick_s: f64) -> Impulse {
+        let slide = normal * (normal.dot(&r) / normal.dot(&(response * normal)));
+        let fallback = Impulse { mode: Mode::Slide, value: slide, fell_back: true };
+        let Some(held) = response.try_inverse().map(|inverse| inverse * r) else { return fallback };
+        if held.dot(&normal) >= 0.0 {
+            return fallback;
+        }
+        let (mode, force) = self.contact_force(held * (-1.0 / tick_s), normal);
+        if mode == Mode::Stick {
+            return Impulse { mode, value: held, fell_back: false };
+        }
+        let tangential = (force - normal * force.dot(&normal)) * -tick_s;
+        let push = (normal.dot(&r) - normal.dot(&(response * tangential))) / normal.dot(&(response * normal));
+        if push >= 0.0 { fallback } else { Impulse { mode, value: normal * push + tangential, fell_back: false } }
+    }
 }
 
 /// What the contact did in a tick.
 ///
 /// ```
 /// use stickslip::Vec3;
-/// use stickslip::contact::{law::Mode, operators::{Metric, Support}};
+/// use stickslip::{contact::law::Mode, surface::support::{Metric, Support}};
 ///
 /// let mut support = Support::with_capacity(1);
 /// support.set(Metric::Euclidean, [(0, 1.0, 100.0)]);
@@ -96,6 +182,16 @@ impl Law {
                     (Mode::Slip, normal * normal_force + tangential * (bound / tangential_force))
                 }
             }
+            Law::Own(law) => law.contact_force(reaction, normal),
+        }
+    }
+
+    /// Whether the geometric scheme moves the mesh to the tip along the normal only.
+    pub fn follows_along_normal_only(self) -> bool {
+        match self {
+            Law::Sliding => true,
+            Law::Sticking | Law::StickSlip { .. } => false,
+            Law::Own(law) => law.follows_along_normal_only(),
         }
     }
 }
@@ -112,13 +208,13 @@ pub struct Impulse {
 }
 
 impl Law {
-    /// The impulse Λ that gives the contact point the velocity r more as far as the law allows, where the mesh answers
-    /// with GΛ, G any 3 × 3 matrix, and r·n̂ < 0.
+    /// The impulse Λ that gives the contact point the velocity r more as far as the law allows, where the mesh responds
+    /// with GΛ, G any 3 × 3 matrix, and r·n̂ < 0. Ticks are `tick_s` long; only a law of one's own may depend on that.
     ///
     /// Sticking: Λ = G⁻¹r. Sliding: Λ = n̂(n̂·r)/(n̂·Gn̂). Beyond |Λ_T| = μ|Λ_N|: Λ = a(−n̂ + μt̂) with t̂ = Λ_T/|Λ_T| and
     /// a = n̂·r / n̂·G(−n̂ + μt̂), so that the contact point follows along the normal. Where G turns an impulse far
     /// enough, Λ = G⁻¹r would pull (Λ·n̂ ≥ 0) or a is not positive: then there is no such Λ, and sliding is solved.
-    pub fn impulse(self, response: &Mat3, r: Vec3, normal: Vec3) -> Impulse {
+    pub fn impulse(self, response: &Mat3, r: Vec3, normal: Vec3, tick_s: f64) -> Impulse {
         let along = |direction: Vec3| direction * (normal.dot(&r) / normal.dot(&(response * direction)));
         let slide = |fell_back| Impulse { mode: Mode::Slide, value: along(normal), fell_back };
         let hold = || response.try_inverse().map(|inverse| inverse * r).filter(|held| !(held.dot(&normal) >= 0.0));
@@ -141,6 +237,7 @@ impl Law {
                     Impulse { mode: Mode::Slip, value, fell_back: false }
                 }
             }
+            Law::Own(law) => law.impulse(response, r, normal, tick_s),
         }
     }
 }

@@ -4,8 +4,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::operators::Metric;
 use crate::Vec3;
+use crate::surface::support::Metric;
 
 /// A contact point over all m nodes of a model: weights (zero outside the support and for fixed
 /// nodes), masses and the normal.
@@ -13,7 +13,7 @@ use crate::Vec3;
 /// ```
 /// use stickslip::Vec3;
 /// use stickslip::contact::literal::ContactFrame;
-/// use stickslip::contact::operators::{Metric, Support};
+/// use stickslip::surface::support::{Metric, Support};
 ///
 /// let weights = [0.5, 0.3, 0.2, 0.0];
 /// let metric = Metric::Euclidean;

@@ -1,13 +1,15 @@
-//! Contact of the instrument's tip with the surface: finding it, following it over the surface,
-//! the operators that keep it, the friction law, and the tick that puts them in order.
+//! Contact of the instrument's tip with the surface: detecting it, following it over the surface, the friction law,
+//! and the tick that puts them in order.
 
 pub mod collision;
 pub mod law;
-pub mod limit;
+pub mod limit_surface;
 pub mod literal;
 pub mod nearest;
-pub mod operators;
-pub mod subdivision;
-pub mod surface;
-pub mod tick;
-pub mod tree;
+pub mod renderer;
+pub mod report;
+pub mod rules;
+pub mod shape;
+pub mod simulation;
+pub mod state;
+mod tick;

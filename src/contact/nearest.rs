@@ -1,8 +1,9 @@
 //! The point of the surface nearest to the tip, and whether the tip is outside.
 
-use super::surface::{ContactGeometry, ContactPoint, Shape};
-use super::tree::Aabb;
+use super::shape::Shape;
 use crate::Vec3;
+use crate::surface::geometry::{ContactGeometry, ContactPoint};
+use crate::surface::tree::Aabb;
 
 /// Squared distances this close, m², are the same: the lowest triangle is taken. A point next to
 /// an edge has the same distance from both triangles to round-off.
@@ -85,7 +86,7 @@ impl Shape<'_> {
     /// The surface point nearest to q; the lowest triangle among those that are equally near.
     /// `None` only if the surface has no triangle, or its positions are not finite.
     pub fn nearest(&self, q: Vec3) -> Option<ContactPoint> {
-        match &self.model.geometry {
+        match &self.surface.geometry {
             ContactGeometry::Faceted | ContactGeometry::Shaded => self.nearest_on_triangles(q),
             ContactGeometry::Limit(limit) => self.nearest_on_limit(limit, q),
         }
@@ -136,7 +137,7 @@ impl Shape<'_> {
 
     /// Distance of q from the surface, m, negative inside; NaN if the surface is not finite.
     pub fn signed_distance(&self, q: Vec3) -> f64 {
-        match &self.model.geometry {
+        match &self.surface.geometry {
             ContactGeometry::Faceted | ContactGeometry::Shaded => self.signed_distance_to_triangles(q),
             ContactGeometry::Limit(limit) => self.signed_distance_to_limit(limit, q),
         }
@@ -146,7 +147,7 @@ impl Shape<'_> {
     fn signed_distance_to_triangles(&self, q: Vec3) -> f64 {
         let Some(nearest) = self.nearest_feature(q) else { return f64::NAN };
         let ContactPoint { triangle, .. } = nearest.point;
-        let surface = &self.model.surface;
+        let surface = &self.surface.topology;
         let normal = match nearest.feature {
             Feature::Face => self.unit_face_normal(triangle),
             Feature::Edge(opposite) => {
@@ -175,7 +176,7 @@ impl Shape<'_> {
     }
 
     fn angle(&self, triangle: u32, vertex: u32) -> f64 {
-        let vertices = self.model.surface.triangles[triangle as usize];
+        let vertices = self.surface.topology.triangles[triangle as usize];
         let corners = self.corners(triangle);
         let k = vertices.iter().position(|&v| v == vertex).unwrap_or(0);
         let here = corners[k];

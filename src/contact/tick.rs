@@ -1,370 +1,40 @@
-//! One haptic tick: predict, find the contact, constrain, integrate. The geometric scheme is the paper's
-//! hybrid of a deformation and a constraint force, in its order; the velocity scheme constrains the
-//! velocity alone. Allocates nothing, locks nothing, does no I/O.
+//! One haptic tick, in the paper's six steps: predict, detect, deform, force, law and velocity, move.
+//!
+//! [`LocalSimulation::tick`] matches the scheme once; each scheme is one function that can be read top to bottom. The
+//! geometric scheme is the paper's hybrid of a deformation and a constraint force; the velocity scheme constrains the
+//! velocity alone. A tick allocates nothing, locks nothing and does no I/O.
 
-use super::collision::{Collision, Hits, START_TOLERANCE, first_collision};
-use super::law::{Impulse, Law, Mode};
-use super::limit::MovingLimit;
-use super::operators::{Metric, Support};
-use super::subdivision::LARGEST_SUPPORT;
-use super::surface::{ContactGeometry, ContactPoint, Projection, Shape, Touch, Visited};
+use super::collision::{Collision, first_collision};
+use super::law::{Impulse, Mode};
+use super::limit_surface::MovingLimit;
+use super::renderer::{Rendered, RendererFault};
+use super::report::TickReport;
+use super::rules::{Deformation, RIGID_BELOW, Scheme, Wall};
+use super::shape::{Projection, Shape, Touch};
+use super::simulation::LocalSimulation;
+use super::state::{Contact, ContactState};
 use crate::Vec3;
-use crate::model::local::{LocalModel, LocalState};
-use crate::model::network::snap_to_rest;
+use crate::local::model::LocalState;
+use crate::model::state::snap_to_rest;
+use crate::surface::geometry::{ContactGeometry, ContactPoint};
+use crate::surface::support::Metric;
 
-/// Below this share of its weight on free patch nodes a contact point is rigid.
-pub const RIGID_BELOW: f64 = 0.5;
-
-/// How the mesh is moved out of (or back to) the tip.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Deformation {
-    /// Every free support node by d/Σ_free w: the triangle is pushed (the paper).
-    Rigid,
-    /// Node i by wᵢd/s: the smallest displacement that brings the contact point to the tip.
-    LeastNorm,
-}
-
-/// What a surface that cannot yield answers with.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Wall {
-    /// N/m.
-    pub stiffness: f64,
-    /// N·s/m.
-    pub damping: f64,
-}
-
-/// How a contact constrains the mesh.
-///
-/// ```
-/// use stickslip::contact::{operators::Metric, tick::{Deformation, Scheme}};
-///
-/// let paper = Scheme::Geometric { deformation: Deformation::Rigid, metric: Metric::Euclidean };
-/// assert_eq!((paper.name(), paper.metric()), ("geometric", Metric::Euclidean));
-/// // An impulse acts through the masses, whatever P of the global cycle does.
-/// assert_eq!((Scheme::Velocity.name(), Scheme::Velocity.metric()), ("velocity", Metric::Mass));
-/// assert_eq!(Scheme::Velocity.overwrite_metric(), Metric::Euclidean);
-/// ```
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Scheme {
-    /// The mesh is moved to the tip, and stopped there (the paper). Moving it takes no work.
-    Geometric {
-        /// How the mesh is moved to the tip.
-        deformation: Deformation,
-        /// The inner product of P and Q.
-        metric: Metric,
-    },
-    /// An impulse makes the contact point follow the tip. Keeps the books of momentum and energy.
-    Velocity,
-}
-
-impl Scheme {
-    /// The name in a scene.
-    pub fn name(self) -> &'static str {
-        match self {
-            Scheme::Geometric { .. } => "geometric",
-            Scheme::Velocity => "velocity",
-        }
-    }
-
-    /// The inner product in which a tick projects. An impulse acts through the masses.
-    pub fn metric(self) -> Metric {
-        match self {
-            Scheme::Geometric { metric, .. } => metric,
-            Scheme::Velocity => Metric::Mass,
-        }
-    }
-
-    /// That of the P with which a cycle holds the contact point under
-    /// [`SyncMode::Overwrite`](crate::dynamics::global::SyncMode::Overwrite): the paper's, unless the scene
-    /// says otherwise.
-    pub fn overwrite_metric(self) -> Metric {
-        match self {
-            Scheme::Geometric { metric, .. } => metric,
-            Scheme::Velocity => Metric::Euclidean,
-        }
-    }
-}
-
-/// Everything a scene decides about contact but the surface.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ContactRules {
-    /// The constraint.
-    pub law: Law,
-    /// How it is put on the mesh.
-    pub scheme: Scheme,
-    /// Rigid contact.
-    pub wall: Wall,
-}
-
-/// A contact between two ticks: where, and what it did last. The latter decides where the next tick
-/// looks for it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Contact {
-    /// The material point.
-    pub point: ContactPoint,
-    /// What it did last.
-    pub grip: Grip,
-}
-
-/// What a contact did last.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Grip {
-    /// Held its point.
-    Stick,
-    /// Slid without friction, or over rigid ground.
-    Slide,
-    /// Slipped at the Coulomb bound.
-    Slip,
-    /// Pulled at the tip: no force, but kept.
-    Tension,
-}
-
-impl Grip {
-    fn of(mode: Mode) -> Self {
-        match mode {
-            Mode::Stick => Grip::Stick,
-            Mode::Slip => Grip::Slip,
-            Mode::Slide | Mode::Free => Grip::Slide,
-        }
-    }
-}
-
-/// What a tick did.
-///
-/// ```
-/// use stickslip::{contact::{law::Mode, tick::TickReport}, pipeline, scene::Scene};
-///
-/// assert_eq!(TickReport::none().mode, Mode::Free);
-/// let scene = Scene::shipped("fig5-stick-slip").expect("shipped with the program"); // μ = 1
-/// let mut excess_n = 0.0_f64;
-/// pipeline::run(&scene, |tick| {
-///     let report = tick.report;
-///     excess_n = excess_n.max(report.tangential_force() - report.normal_force);
-/// })?;
-/// assert!(excess_n < 1e-12); // Coulomb's bound, F_T ≤ μF_N
-/// # Ok::<(), stickslip::pipeline::RunError>(())
-/// ```
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TickReport {
-    /// Free, or what the contact did.
-    pub mode: Mode,
-    /// Force commanded to the instrument, before device limits, N.
-    pub force: Vec3,
-    /// f·n̂, N; 0 when free.
-    pub normal_force: f64,
-    /// Where the contact was; `None` when free.
-    pub touch: Option<Touch>,
-    /// τ, if the contact began in this tick.
-    pub collision_time: Option<f64>,
-    /// Whether a contact ended in this tick.
-    pub released: bool,
-    /// Whether the contact was rigid.
-    pub rigid: bool,
-    /// Whether the law had no solution for the contact's response, and sliding was solved in its place.
-    pub fell_back: bool,
-}
-
-impl TickReport {
-    /// Before the first tick.
-    pub fn none() -> Self {
-        Self::free(false)
-    }
-
-    fn free(released: bool) -> Self {
-        Self {
-            mode: Mode::Free,
-            force: Vec3::zeros(),
-            normal_force: 0.0,
-            touch: None,
-            collision_time: None,
-            released,
-            rigid: false,
-            fell_back: false,
-        }
-    }
-
-    fn touching(mode: Mode, force: Vec3, touch: Touch) -> Self {
-        let normal_force = force.dot(&touch.normal);
-        Self { mode, force, normal_force, touch: Some(touch), ..Self::free(false) }
-    }
-
-    /// |f − (f·n̂) n̂|, N; 0 when free.
-    pub fn tangential_force(&self) -> f64 {
-        self.touch.map_or(0.0, |touch| (self.force - touch.normal * self.normal_force).norm())
-    }
-}
-
-/// Where a tick meets the surface, and how much of it is left.
-struct Meeting {
-    point: ContactPoint,
-    elapsed: f64,
-    rest: f64,
-    collision_time: Option<f64>,
-}
-
-/// The local side: the model in use, its state, and the contact.
-///
-/// ```
-/// use stickslip::{Vec3, contact::{law::Mode, tick::TickReport}, pipeline::Simulation, scene::Scene};
-///
-/// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
-/// let (_, mut local) = Simulation::prepare(&scene)?.into_sides();
-/// // From 1 mm above the block to 1 mm below where its top was, in 20 ms.
-/// let (mut tip, mut report) = (Vec3::new(-0.03, 0.0013, 0.001), TickReport::none());
-/// for _ in 0..20 {
-///     let next = tip - Vec3::z() * 1e-4;
-///     report = local.tick(tip, next);
-///     tip = next;
-/// }
-/// assert_eq!((report.mode, local.model_age()), (Mode::Stick, 20));
-/// assert!(report.normal_force > 0.0); // it pushes back
-/// let contact = local.contact().expect("the tip is in contact");
-/// assert!((local.shape().position(&contact.point) - tip).norm() < 1e-12); // the mesh is where the tip is
-/// assert_eq!(local.state().x.len(), local.model().patch.len() + local.model().patch.boundary.len());
-/// assert_eq!(local.elapsed(), 20.0 * scene.tick);
-/// # Ok::<(), stickslip::scene::SceneError>(())
-/// ```
-#[derive(Debug, Clone)]
-pub struct LocalSimulation {
-    rules: ContactRules,
-    step: f64,
-    model: LocalModel,
-    state: LocalState,
-    /// Ticks between the state that the model was built from and its first tick.
-    latency: u64,
-    age: u64,
-    contact: Option<Contact>,
-    support: Support,
-    visited: Visited,
-    hits: Hits,
-    /// Λ·(what was left of the way to the tip)/h of the last tick, J, where the model has a [`LinearStep`].
-    work_left: f64,
+/// What step 2 finds.
+enum Detected {
+    /// The tip passes through the surface in this tick.
+    Collision(Collision),
+    /// An earlier contact goes on at this point.
+    Contact(ContactPoint),
 }
 
 impl LocalSimulation {
-    /// Starts with a first model; `step` is h. All that ticks need is allocated here.
-    pub fn new(rules: ContactRules, step: f64, model: LocalModel, state: LocalState) -> Self {
-        let triangles = model.surface.triangles.len();
-        Self {
-            rules,
-            step,
-            model,
-            state,
-            latency: 0,
-            age: 0,
-            contact: None,
-            support: Support::with_capacity(LARGEST_SUPPORT),
-            visited: Visited::new(triangles),
-            hits: Hits::new(triangles),
-            work_left: 0.0,
-        }
-    }
-
-    /// Puts a new model to use, `latency` ticks after the state it was built from. Nodes of both
-    /// patches go on from where they are; nodes that enter start at the new model's state. The old
-    /// model comes back, so that whoever built it can dispose of it.
-    ///
-    /// The exterior jumps to where the new model has it. If that puts a free tip inside, no motion
-    /// within a tick will ever show it to collision detection: the tip is taken to be in contact
-    /// with the nearest point, as after tension.
-    pub fn hand_over(
-        &mut self,
-        model: LocalModel,
-        mut state: LocalState,
-        latency: u64,
-        tip: Vec3,
-    ) -> (LocalModel, LocalState) {
-        state.carry_over(&model.patch, &self.state, &self.model.patch);
-        self.latency = latency;
-        self.age = 0;
-        let before = (std::mem::replace(&mut self.model, model), std::mem::replace(&mut self.state, state));
-        if self.contact.is_none() && self.shape().signed_distance(tip) < -START_TOLERANCE {
-            self.contact = self.shape().nearest(tip).map(|point| Contact { point, grip: Grip::Tension });
-        }
-        before
-    }
-
-    /// The model in use.
-    pub fn model(&self) -> &LocalModel {
-        &self.model
-    }
-
-    /// Its state.
-    pub fn state(&self) -> &LocalState {
-        &self.state
-    }
-
-    /// The contact, if there is one.
-    pub fn contact(&self) -> Option<Contact> {
-        self.contact
-    }
-
-    /// Puts the contact at a point, as after a tick that stuck there.
-    pub fn hold(&mut self, point: ContactPoint) {
-        self.contact = Some(Contact { point, grip: Grip::Stick });
-    }
-
-    /// Ticks done with this model.
-    pub fn model_age(&self) -> u64 {
-        self.age
-    }
-
-    /// Seconds since the state that the model was built from.
-    pub fn elapsed(&self) -> f64 {
-        (self.latency + self.age) as f64 * self.step
-    }
-
-    /// The surface now.
-    pub fn shape(&self) -> Shape<'_> {
-        Shape { model: &self.model, x: &self.state.x, elapsed: self.elapsed() }
-    }
-
-    /// ½ Δvᵀ M Δv of the last tick, J, under the velocity scheme. The geometric one has no such term: it
-    /// changes velocities in several places and keeps no energy book. Nor have steps whose impulse acts over the
-    /// whole tick: they lose the work of Λ over what `follow` closes.
-    ///
-    /// ```
-    /// use stickslip::{Vec3, contact::tick::Scheme, pipeline::Simulation, scene::Scene};
-    ///
-    /// let mut scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
-    /// scene.contact.scheme = Scheme::Velocity;
-    /// let (_, mut local) = Simulation::prepare(&scene)?.into_sides();
-    /// let above = Vec3::new(-0.03, 0.0013, 0.0005);
-    /// let inside = above - Vec3::z() * 0.001; // at 1 m/s
-    /// local.tick(above, above);
-    /// assert_eq!(local.impact_loss(), 0.0); // nothing was hit
-    /// local.tick(above, inside);
-    /// assert!(local.impact_loss() > 0.0); // the masses under the tip started at once
-    /// # Ok::<(), stickslip::scene::SceneError>(())
-    /// ```
-    pub fn impact_loss(&self) -> f64 {
-        match self.rules.scheme {
-            Scheme::Geometric { .. } => 0.0,
-            Scheme::Velocity if self.model.step.as_ref().is_some_and(|step| !step.dissipates()) => self.work_left,
-            // Prediction and state changed places: the predicted velocities are those before the tick.
-            Scheme::Velocity => {
-                let velocities = self.state.v.iter().zip(&self.state.v_predicted);
-                let changes = self.model.patch.mass.iter().zip(velocities);
-                changes.map(|(mass, (now, before))| 0.5 * mass * (now - before).norm_squared()).sum()
-            }
-        }
-    }
-
     /// One tick, in which the tip goes from q₀ to q₁.
     pub fn tick(&mut self, q0: Vec3, q1: Vec3) -> TickReport {
-        match &self.model.step {
-            None => {
-                self.model.evaluate_forces(self.elapsed(), &mut self.state);
-                self.predict();
-            }
-            Some(step) => {
-                self.work_left = 0.0;
-                self.model.predict(step, self.elapsed(), &mut self.state);
-            }
-        }
-        let report = match self.meet(q0, q1) {
-            None => self.release(),
-            Some(meeting) => self.respond(meeting, q0, q1),
+        let report = match self.rules.scheme {
+            _ if self.renderer.is_some() => self.rendered_tick(q0, q1),
+            Scheme::Geometric { deformation, metric } => self.geometric_tick(deformation, metric, q0, q1),
+            Scheme::Velocity if self.model.step.is_some() => self.linear_step_tick(q0, q1),
+            Scheme::Velocity => self.velocity_tick(q0, q1),
         };
         self.age += 1;
         snap_to_rest(&mut self.state.v[..self.model.patch.len()]);
@@ -372,129 +42,74 @@ impl LocalSimulation {
         report
     }
 
-    /// Accepts the prediction without a contact.
-    fn release(&mut self) -> TickReport {
-        let released = self.contact.take().is_some();
-        self.accept_prediction();
-        TickReport::free(released)
-    }
+    /// The paper's hybrid: the mesh is moved to the tip, and its velocity constrained, over what is left of the tick
+    /// after a collision.
+    fn geometric_tick(&mut self, deformation: Deformation, metric: Metric, q0: Vec3, q1: Vec3) -> TickReport {
+        // 1. Predict.
+        self.model.evaluate_forces(self.elapsed(), &mut self.state);
+        self.predict();
 
-    /// Step 1 (11): v* = v + h M⁻¹f, x* = x + h v*.
-    fn predict(&mut self) {
-        let LocalState { x, v, f, x_predicted, v_predicted, .. } = &mut self.state;
-        for (i, inverse_mass) in self.model.patch.inverse_mass.iter().enumerate() {
-            v_predicted[i] = v[i] + f[i] * (self.step * inverse_mass);
-            x_predicted[i] = x[i] + v_predicted[i] * self.step;
-        }
-    }
-
-    fn accept_prediction(&mut self) {
-        let LocalState { x, v, x_predicted, v_predicted, .. } = &mut self.state;
-        std::mem::swap(x, x_predicted);
-        std::mem::swap(v, v_predicted);
-    }
-
-    /// Step 2: where the tip meets the surface in this tick; `None` where it does not, or no longer.
-    fn meet(&mut self, q0: Vec3, q1: Vec3) -> Option<Meeting> {
-        let elapsed = self.elapsed();
-        let now = Shape { model: &self.model, x: &self.state.x, elapsed };
-        let predicted = Shape { model: &self.model, x: &self.state.x_predicted, elapsed: elapsed + self.step };
-        let Some(Contact { point, grip }) = self.contact else {
-            let tested = &mut self.state.work.triangles_tested;
-            let collision = match &self.model.geometry {
-                ContactGeometry::Faceted | ContactGeometry::Shaded => {
-                    first_collision(&now, &predicted, q0, q1, &mut self.hits, tested)
-                }
-                ContactGeometry::Limit(limit) => {
-                    let between = &mut self.state.x_between;
-                    MovingLimit { limit, start: now, end: predicted, between, q0, q1 }.first_collision(tested)
-                }
-            }?;
-            return Some(match self.rules.scheme {
-                Scheme::Geometric { .. } => self.rewind(collision),
-                Scheme::Velocity => {
-                    Meeting { point: collision.point, elapsed, rest: self.step, collision_time: Some(collision.time) }
-                }
-            });
+        // 2. Detect. After a collision, the rest of the tick goes on from there.
+        let (point, collision_time) = match self.detect(q0, q1) {
+            None => return self.release(),
+            Some(Detected::Contact(point)) => (point, None),
+            Some(Detected::Collision(Collision { point, time })) => (point, Some(time)),
         };
-        let found = match grip {
-            Grip::Stick => Projection::Found(point),
-            Grip::Slide => now.project(&point, q1, &mut self.visited),
-            // The mesh slid under a tip that stood at q₀.
-            Grip::Slip => now.project(&point, q0, &mut self.visited),
-            Grip::Tension if predicted.is_outside(q1) => return None,
-            Grip::Tension => Projection::Found(now.nearest(q0).unwrap_or(point)),
-        };
-        match found {
-            Projection::Found(point) => Some(Meeting { point, elapsed, rest: self.step, collision_time: None }),
-            Projection::OverBorder => None,
-        }
-    }
-
-    /// Back to the time of collision: x ← x + τ h v*, v ← v + τ h M⁻¹f.
-    fn rewind(&mut self, collision: Collision) -> Meeting {
-        let passed = collision.time * self.step;
-        let LocalState { x, v, f, v_predicted, .. } = &mut self.state;
-        for (i, inverse_mass) in self.model.patch.inverse_mass.iter().enumerate() {
-            x[i] += v_predicted[i] * passed;
-            v[i] += f[i] * (passed * inverse_mass);
-        }
-        let elapsed = self.elapsed() + passed;
-        self.model.evaluate_forces(elapsed, &mut self.state);
-        let rest = self.step - passed;
-        Meeting { point: collision.point, elapsed, rest, collision_time: Some(collision.time) }
-    }
-
-    /// What is left of the tick, for a contact point.
-    fn respond(&mut self, meeting: Meeting, q0: Vec3, q1: Vec3) -> TickReport {
-        let Meeting { point, elapsed, rest, collision_time } = meeting;
-        let shape = Shape { model: &self.model, x: &self.state.x, elapsed };
-        let touch = shape.touch(self.rules.scheme.metric(), &point, &mut self.support);
+        let passed = collision_time.map_or(0.0, |time| self.rewind(time));
+        let (elapsed, rest) = (self.elapsed() + passed, self.tick_s - passed);
+        let shape = Shape { surface: &self.surface, model: &self.model, x: &self.state.x, elapsed };
+        let touch = shape.touch(metric, &point, &mut self.support);
         if self.support.free_weight() < RIGID_BELOW {
             return self.respond_rigidly(touch, collision_time, q0, q1);
         }
-        if self.model.step.is_some() {
-            return self.follow(touch, collision_time, q1);
-        }
 
-        let reaction = match self.rules.scheme {
-            Scheme::Geometric { deformation, .. } => {
-                self.deform(deformation, touch, elapsed, q1);
-                self.support.reaction(&self.state.f)
-            }
-            Scheme::Velocity => self.following_force(touch, q1),
-        };
+        // 3. Deform.
+        self.deform(deformation, touch, elapsed, q1);
+
+        // 4. Force.
+        let reaction = self.support.reaction(&self.state.f);
         // A reaction that is not a number is no tension: it goes on to the fail-safe.
         if reaction.dot(&touch.normal) <= 0.0 {
-            self.contact = Some(Contact { point, grip: Grip::Tension });
-            self.accept_prediction();
-            return TickReport { collision_time, ..TickReport::free(false) };
+            return self.keep_under_tension(point, collision_time);
         }
+
+        // 5. Law and velocity; 6. move.
         let (mode, force) = self.rules.law.contact_force(reaction, touch.normal);
-        match self.rules.scheme {
-            Scheme::Geometric { .. } => self.integrate(mode, touch.normal, force, rest),
-            Scheme::Velocity => self.integrate_pushed(force),
+        self.constrain_and_move(mode, touch.normal, force, rest);
+        self.keep(TickReport { collision_time, ..TickReport::touching(mode, force, touch) })
+    }
+
+    /// An impulse makes the contact point follow the tip over the whole tick, without a rewind.
+    fn velocity_tick(&mut self, q0: Vec3, q1: Vec3) -> TickReport {
+        // 1. Predict.
+        self.model.evaluate_forces(self.elapsed(), &mut self.state);
+        self.predict();
+
+        // 2. Detect.
+        let (touch, collision_time) = match self.touch_of_whole_tick(q0, q1) {
+            Ok(found) => found,
+            Err(report) => return report,
+        };
+
+        // 4. Force: −Λ/h with the impulse Λ = G⁻¹r on the mesh, G = WM⁻¹Wᵀ, r = (q₁ − p)/h − W v*.
+        let r = (q1 - touch.position) / self.tick_s - self.support.velocity(&self.state.v_predicted);
+        let reaction = r * (-1.0 / (self.support.scale() * self.tick_s));
+        if reaction.dot(&touch.normal) <= 0.0 {
+            return self.keep_under_tension(touch.point, collision_time);
         }
-        self.contact = Some(Contact { point, grip: Grip::of(mode) });
-        TickReport { collision_time, ..TickReport::touching(mode, force, touch) }
-    }
 
-    /// The force on the instrument, N, under which the contact point would end the tick at the tip:
-    /// −Λ/h with the impulse Λ = G⁻¹r on the mesh, G = WM⁻¹Wᵀ, r = (q₁ − p)/h − W v*.
-    fn following_force(&self, touch: Touch, q1: Vec3) -> Vec3 {
-        let r = (q1 - touch.position) / self.step - self.support.velocity(&self.state.v_predicted);
-        r * (-1.0 / (self.support.scale() * self.step))
-    }
-
-    /// v ← v* + M⁻¹WᵀΛ, x ← x + h v, for the force −Λ/h on the instrument. G is a multiple of the identity:
-    /// Λ = n̂(n̂·r)/(n̂·Gn̂), and a(−n̂ + μt̂) beyond the Coulomb bound, are what the law makes of G⁻¹r.
-    fn integrate_pushed(&mut self, force: Vec3) {
+        // 5. Law. G is a multiple of the identity: n̂(n̂·r)/(n̂·Gn̂), and a(−n̂ + μt̂) beyond the Coulomb bound, are what
+        // the law makes of G⁻¹r. Velocity: v ← v* + M⁻¹WᵀΛ.
+        let (mode, force) = self.rules.law.contact_force(reaction, touch.normal);
         let LocalState { x, v, v_predicted, .. } = &mut self.state;
-        self.support.push(force * -self.step, v_predicted);
+        self.support.push(force * -self.tick_s, v_predicted);
         std::mem::swap(v, v_predicted);
+
+        // 6. Move.
         for (x, v) in x.iter_mut().zip(v).take(self.model.patch.len()) {
-            *x += *v * self.step;
+            *x += *v * self.tick_s;
         }
+        self.keep(TickReport { collision_time, ..TickReport::touching(mode, force, touch) })
     }
 
     /// The velocity scheme where an impulse moves the whole patch: v = v* + A⁻¹WᵀΛ with Λ by the law for G = WA⁻¹Wᵀ and
@@ -505,8 +120,22 @@ impl LocalSimulation {
     /// h W(v − v₋)/2 for the midpoint rule, nothing as long as the tip keeps its velocity. Constraining the mean
     /// velocity instead would leave no gap, but alternate: 2u, 0, 2u … after a jump to u. The gap is closed along XWᵀ, in
     /// the directions that the mode holds: as if the velocity of the tick's start had met the constraint too.
-    fn follow(&mut self, touch: Touch, collision_time: Option<f64>, q1: Vec3) -> TickReport {
-        let Self { model, state, support, step: h, .. } = self;
+    fn linear_step_tick(&mut self, q0: Vec3, q1: Vec3) -> TickReport {
+        // 1. Predict.
+        self.work_left = 0.0;
+        let elapsed = self.elapsed();
+        if let Some(step) = &self.model.step {
+            self.model.predict(step, elapsed, &mut self.state);
+        }
+
+        // 2. Detect.
+        let (touch, collision_time) = match self.touch_of_whole_tick(q0, q1) {
+            Ok(found) => found,
+            Err(report) => return report,
+        };
+
+        // 4. and 5. Force and law.
+        let Self { model, state, support, tick_s: h, .. } = self;
         let LocalState { x, v_predicted, x_predicted, response, .. } = state;
         let (n, way) = (touch.normal, q1 - touch.position);
         let r = way / *h - support.velocity(v_predicted);
@@ -514,15 +143,15 @@ impl LocalSimulation {
         let impulse = model.step.as_ref().filter(|_| !(r.dot(&n) >= 0.0)).map(|step| {
             step.respond(support, response);
             let [g, gx] = response.at_contact(support);
-            (self.rules.law.impulse(&g, r, n), gx)
+            (self.rules.law.impulse(&g, r, n, *h), gx)
         });
-        // An exact step whose modes turn within the tick may answer a push the other way: nothing can be pushed then.
+        // An exact step whose modes turn within the tick may respond to a push the other way: nothing can be pushed then.
         let Some((Impulse { mode, value, fell_back }, gx)) = impulse.filter(|(push, _)| !(push.value.dot(&n) >= 0.0))
         else {
-            self.contact = Some(Contact { point: touch.point, grip: Grip::Tension });
-            self.accept_prediction();
-            return TickReport { collision_time, ..TickReport::free(false) };
+            return self.keep_under_tension(touch.point, collision_time);
         };
+
+        // 6. Move, and close what the contact point misses of the tip.
         let left = way - (support.velocity(x_predicted) - support.velocity(x)) - gx * value;
         let (left, closing) = match mode {
             Mode::Stick => (left, gx.try_inverse().map_or(Vec3::zeros(), |inverse| inverse * left)),
@@ -534,15 +163,127 @@ impl LocalSimulation {
         response.push([value + closing, value], x_predicted, v_predicted);
         self.work_left = value.dot(&left) / *h;
         self.accept_prediction();
-        self.contact = Some(Contact { point: touch.point, grip: Grip::of(mode) });
-        TickReport { collision_time, fell_back, ..TickReport::touching(mode, value * (-1.0 / self.step), touch) }
+        let force = value * (-1.0 / self.tick_s);
+        self.keep(TickReport { collision_time, fell_back, ..TickReport::touching(mode, force, touch) })
+    }
+
+    /// A renderer of one's own does all of the tick. What it reports is checked: its contact point lies on the surface.
+    fn rendered_tick(&mut self, q0: Vec3, q1: Vec3) -> TickReport {
+        let Some(renderer) = &mut self.renderer else { return self.release() };
+        let triangles = self.surface.topology.triangles.len();
+        let is_on_surface = |point: &ContactPoint| {
+            (point.triangle as usize) < triangles && point.weights.iter().all(|weight| weight.is_finite())
+        };
+        let rendered = match renderer.tick(q0, q1) {
+            Ok(rendered) if rendered.contact.is_none_or(|(point, _)| is_on_surface(&point)) => rendered,
+            Ok(_) => {
+                self.renderer_fault = Some(RendererFault("its contact point is not on the surface"));
+                Rendered::FREE
+            }
+            Err(fault) => {
+                self.renderer_fault = Some(fault);
+                Rendered::FREE
+            }
+        };
+        let Rendered { force, mode, contact } = rendered;
+        let released = self.contact.is_some() && contact.is_none();
+        let state = ContactState::after(mode);
+        self.contact = contact.map(|(point, _)| Contact { point, state });
+        match contact {
+            None => TickReport { mode, force, ..TickReport::free(released) },
+            Some((point, normal)) => {
+                let position = self.shape().position(&point);
+                TickReport::touching(mode, force, Touch { point, position, normal })
+            }
+        }
+    }
+
+    /// Step 1 (11): v* = v + h M⁻¹f, x* = x + h v*.
+    fn predict(&mut self) {
+        let LocalState { x, v, f, x_predicted, v_predicted, .. } = &mut self.state;
+        for (i, inverse_mass) in self.model.patch.inverse_mass.iter().enumerate() {
+            v_predicted[i] = v[i] + f[i] * (self.tick_s * inverse_mass);
+            x_predicted[i] = x[i] + v_predicted[i] * self.tick_s;
+        }
+    }
+
+    fn accept_prediction(&mut self) {
+        let LocalState { x, v, x_predicted, v_predicted, .. } = &mut self.state;
+        std::mem::swap(x, x_predicted);
+        std::mem::swap(v, v_predicted);
+    }
+
+    /// The surface at the end of a tick without contact.
+    fn predicted_shape(&self) -> Shape<'_> {
+        let elapsed = self.elapsed() + self.tick_s;
+        Shape { surface: &self.surface, model: &self.model, x: &self.state.x_predicted, elapsed }
+    }
+
+    /// Step 2: where the tip meets the surface in this tick; `None` where it does not, or no longer.
+    fn detect(&mut self, q0: Vec3, q1: Vec3) -> Option<Detected> {
+        let elapsed = self.elapsed();
+        let now = Shape { surface: &self.surface, model: &self.model, x: &self.state.x, elapsed };
+        let predicted = Shape { x: &self.state.x_predicted, elapsed: elapsed + self.tick_s, ..now };
+        let Some(Contact { point, state }) = self.contact else {
+            let tested = &mut self.state.work.triangles_tested;
+            let collision = match &self.surface.geometry {
+                ContactGeometry::Faceted | ContactGeometry::Shaded => {
+                    first_collision(&now, &predicted, q0, q1, &mut self.hits, tested)
+                }
+                ContactGeometry::Limit(limit) => {
+                    let between = &mut self.state.x_between;
+                    MovingLimit { limit, start: now, end: predicted, between, q0, q1 }.first_collision(tested)
+                }
+            };
+            return collision.map(Detected::Collision);
+        };
+        let found = match state {
+            ContactState::Stick => Projection::Found(point),
+            ContactState::Slide => now.project(&point, q1, &mut self.visited),
+            // The mesh slid under a tip that stood at q₀.
+            ContactState::Slip => now.project(&point, q0, &mut self.visited),
+            ContactState::Tension if predicted.is_outside(q1) => return None,
+            ContactState::Tension => Projection::Found(now.nearest(q0).unwrap_or(point)),
+        };
+        match found {
+            Projection::Found(point) => Some(Detected::Contact(point)),
+            Projection::OverBorder => None,
+        }
+    }
+
+    /// Steps 1 and 2 of a scheme without a rewind end here: the contact at the start of the tick, or the report of a
+    /// tick that is over, because the tip is free or the ground rigid.
+    fn touch_of_whole_tick(&mut self, q0: Vec3, q1: Vec3) -> Result<(Touch, Option<f64>), TickReport> {
+        let (point, collision_time) = match self.detect(q0, q1) {
+            None => return Err(self.release()),
+            Some(Detected::Contact(point)) => (point, None),
+            Some(Detected::Collision(Collision { point, time })) => (point, Some(time)),
+        };
+        let shape = Shape { surface: &self.surface, model: &self.model, x: &self.state.x, elapsed: self.elapsed() };
+        let touch = shape.touch(Metric::Mass, &point, &mut self.support);
+        if self.support.free_weight() < RIGID_BELOW {
+            return Err(self.respond_rigidly(touch, collision_time, q0, q1));
+        }
+        Ok((touch, collision_time))
+    }
+
+    /// Back to the time of collision, a fraction of the tick: x ← x + τ h v*, v ← v + τ h M⁻¹f. Returns τ h, s.
+    fn rewind(&mut self, time: f64) -> f64 {
+        let passed = time * self.tick_s;
+        let LocalState { x, v, f, v_predicted, .. } = &mut self.state;
+        for (i, inverse_mass) in self.model.patch.inverse_mass.iter().enumerate() {
+            x[i] += v_predicted[i] * passed;
+            v[i] += f[i] * (passed * inverse_mass);
+        }
+        self.model.evaluate_forces(self.elapsed() + passed, &mut self.state);
+        passed
     }
 
     /// Step 3: moves the contact point to the tip (for sliding, along the normal only), and brings
     /// the forces up to date for step 4.
     fn deform(&mut self, deformation: Deformation, touch: Touch, elapsed: f64, q1: Vec3) {
         let mut d = q1 - touch.position;
-        if self.rules.law == Law::Sliding {
+        if self.rules.law.follows_along_normal_only() {
             d = touch.normal * d.dot(&touch.normal);
         }
         let support = &self.support;
@@ -559,8 +300,9 @@ impl LocalSimulation {
         self.model.update_forces(elapsed, &mut self.state, moved);
     }
 
-    /// Steps 5 and 6: velocities under the constraint, then x ← x + h v over the rest of the tick.
-    fn integrate(&mut self, mode: Mode, normal: Vec3, force: Vec3, rest: f64) {
+    /// Steps 5 and 6 of the geometric scheme: velocities under the constraint, then x ← x + h v over the rest of the
+    /// tick.
+    fn constrain_and_move(&mut self, mode: Mode, normal: Vec3, force: Vec3, rest: f64) {
         let LocalState { x, v, f, .. } = &mut self.state;
         if mode == Mode::Slip {
             self.support.subtract_contact_force(force, f);
@@ -574,22 +316,44 @@ impl LocalSimulation {
         }
     }
 
-    /// A wall's answer, max(0, k(p − q₁)·n̂ − b q̇·n̂) n̂, without a force on the mesh, until the tip is
+    /// The contact goes on after a tick in which it exerted a force.
+    fn keep(&mut self, report: TickReport) -> TickReport {
+        let state = ContactState::after(report.mode);
+        self.contact = report.touch.map(|touch| Contact { point: touch.point, state });
+        report
+    }
+
+    /// The contact pulls at the tip: it exerts no force, and is kept until the tip is outside the surface.
+    fn keep_under_tension(&mut self, point: ContactPoint, collision_time: Option<f64>) -> TickReport {
+        self.contact = Some(Contact { point, state: ContactState::Tension });
+        self.accept_prediction();
+        TickReport { collision_time, ..TickReport::free(false) }
+    }
+
+    /// The prediction is accepted without a contact.
+    fn release(&mut self) -> TickReport {
+        let released = self.contact.take().is_some();
+        self.accept_prediction();
+        TickReport::free(released)
+    }
+
+    /// The force of rigid ground, max(0, k(p − q₁)·n̂ − b q̇·n̂) n̂, without a force on the mesh, until the tip is
     /// outside.
     fn respond_rigidly(&mut self, touch: Touch, collision_time: Option<f64>, q0: Vec3, q1: Vec3) -> TickReport {
-        let end = self.elapsed() + self.step;
-        let predicted = Shape { model: &self.model, x: &self.state.x_predicted, elapsed: end };
-        if predicted.is_outside(q1) {
+        if self.predicted_shape().is_outside(q1) {
             return self.release();
         }
         let Wall { stiffness, damping } = self.rules.wall;
         let depth = (touch.position - q1).dot(&touch.normal);
-        let speed = ((q1 - q0) / self.step).dot(&touch.normal);
+        let speed = ((q1 - q0) / self.tick_s).dot(&touch.normal);
         let push = stiffness * depth - damping * speed;
         // Written so that NaN is passed on to the fail-safe instead of becoming zero.
         let push = if push <= 0.0 { 0.0 } else { push };
-        self.contact = Some(Contact { point: touch.point, grip: Grip::Slide });
         self.accept_prediction();
-        TickReport { collision_time, rigid: true, ..TickReport::touching(Mode::Slide, touch.normal * push, touch) }
+        self.keep(TickReport {
+            collision_time,
+            rigid: true,
+            ..TickReport::touching(Mode::Slide, touch.normal * push, touch)
+        })
     }
 }

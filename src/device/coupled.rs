@@ -1,8 +1,10 @@
 //! The modelled device with what lies between it and contact: the device moves, is measured, a virtual coupling leads
 //! the tip that contact sees; on the way back the coupling's force or contact's own, passivity control, motors.
 
-use super::coupling::{CouplingSettings, PassivityController, VirtualCoupling};
-use super::instrument::{InstrumentError, TipPath};
+use thiserror::Error;
+
+use super::coupling::{CouplingError, CouplingSettings, PassivityController, VirtualCoupling};
+use super::path::TipPath;
 use super::phantom::{DeviceError, Phantom, PhantomSettings};
 use crate::Vec3;
 
@@ -37,7 +39,7 @@ pub struct DeviceView {
 /// ```
 /// use stickslip::Vec3;
 /// use stickslip::device::coupled::{CoupledPhantom, CoupledSettings};
-/// use stickslip::device::instrument::{TipPath, Waypoint};
+/// use stickslip::device::path::{TipPath, Waypoint};
 ///
 /// let still = TipPath::new(vec![Waypoint { time: 0.0, position: Vec3::zeros() }])?;
 /// let settings = CoupledSettings { passivity_control: true, ..CoupledSettings::default() };
@@ -147,4 +149,15 @@ impl CoupledPhantom {
     pub fn phantom(&self) -> &Phantom {
         &self.phantom
     }
+}
+
+/// Why there is no such instrument.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum InstrumentError {
+    /// The device.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    /// The virtual coupling.
+    #[error(transparent)]
+    Coupling(#[from] CouplingError),
 }

@@ -1,47 +1,14 @@
-//! Instruments: where the tip is.
+//! Instruments: what holds the tip, from a path to a device of one's own.
 
-use std::fs::File;
-use std::io;
-use std::path::{Path as FilePath, PathBuf};
+use std::fmt;
 
-use serde::Deserialize;
+use dyn_clone::DynClone;
 use thiserror::Error;
 
-use super::coupled::{CoupledPhantom, CoupledSettings};
-use super::coupling::CouplingError;
+use super::coupled::{CoupledPhantom, CoupledSettings, InstrumentError};
+use super::path::TipPath;
 use super::phantom::DeviceError;
 use crate::Vec3;
-
-/// A tip position at a time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Waypoint {
-    /// s.
-    pub time: f64,
-    /// m.
-    pub position: Vec3,
-}
-
-/// A tip that follows waypoints, linearly between them and at rest before and after, whatever the
-/// force. Times ascend; there is at least one.
-///
-/// ```
-/// use stickslip::{Vec3, device::instrument::{PathError, TipPath, Waypoint}};
-///
-/// let at = |time, z| Waypoint { time, position: Vec3::new(0.0, 0.0, z) };
-/// let press = TipPath::new(vec![at(0.0, 0.002), at(0.5, -0.003), at(1.0, -0.003)])?;
-/// assert_eq!(press.at(0.5).z, -0.003);
-/// assert!((press.velocity_at(0.25).z + 0.01).abs() < 1e-15); // 5 mm in 0.5 s
-/// assert_eq!(press.velocity_at(2.0), Vec3::zeros());
-/// let slower = press.transformed(2.0, |point| point + Vec3::x());
-/// assert_eq!(slower.at(1.0), Vec3::new(1.0, 0.0, -0.003));
-/// assert!((slower.top_speed() - 0.005).abs() < 1e-15);
-/// assert!(matches!(TipPath::new(vec![at(1.0, 0.0), at(0.0, 0.0)]), Err(PathError::NotAscending { index: 1, .. })));
-/// # Ok::<(), stickslip::device::instrument::PathError>(())
-/// ```
-#[derive(Debug, Clone, PartialEq)]
-pub struct TipPath {
-    waypoints: Vec<Waypoint>,
-}
 
 /// What kind of instrument a scene has.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,17 +19,97 @@ pub enum InstrumentKind {
     Phantom(Box<CoupledSettings>),
 }
 
-/// What holds the tip.
+/// The door for an instrument of one's own: where the tip goes under the force that is commanded.
+///
+/// Contract: it is clonable and `Send`, since runs are copied and moved between threads; `sense` and `command` allocate
+/// nothing, lock nothing and do no I/O; the same calls give the same tips to the bit. A tip that is not finite ends the
+/// run with a fault; a commanded force that is not finite is commanded as zero.
+///
+/// ```
+/// use stickslip::{Instrument, InstrumentFault, OwnParts, Scene, Simulation, Vec3};
+///
+/// /// A mass of 50 g that falls onto the body.
+/// #[derive(Debug, Clone)]
+/// struct Falling {
+///     position: Vec3,
+///     velocity: Vec3,
+///     force: Vec3,
+/// }
+/// impl Instrument for Falling {
+///     fn start(&self) -> Vec3 {
+///         self.position
+///     }
+///     fn sense(&mut self, begin_s: f64, end_s: f64, _contact_force: &Vec3) -> Result<Vec3, InstrumentFault> {
+///         let h = end_s - begin_s;
+///         self.velocity += (self.force / 0.05 - Vec3::z() * 9.81) * h;
+///         self.position += self.velocity * h;
+///         Ok(self.position)
+///     }
+///     fn command(&mut self, contact_force: &Vec3) -> Vec3 {
+///         self.force = *contact_force;
+///         self.force
+///     }
+///     fn release(&mut self) {
+///         self.force = Vec3::zeros();
+///     }
+/// }
+///
+/// let scene = Scene::shipped("fig3-sliding-subdivision").expect("shipped with the program");
+/// let falling = Falling { position: Vec3::new(0.0, 0.0, 0.001), velocity: Vec3::zeros(), force: Vec3::zeros() };
+/// let own = OwnParts { instrument: Some(Box::new(falling)), ..OwnParts::default() };
+/// let mut lowest_m = f64::INFINITY;
+/// Simulation::prepare_with(&scene, own)?.run(|tick| lowest_m = lowest_m.min(tick.tip.z))?;
+/// assert!((-0.02..-0.001).contains(&lowest_m), "it is caught: {lowest_m} m");
+/// # Ok::<(), stickslip::RunError>(())
+/// ```
+pub trait Instrument: DynClone + fmt::Debug + Send {
+    /// Where contact sees the tip at t = 0, m.
+    fn start(&self) -> Vec3;
+
+    /// Moves on over a tick, from one time to another, s, under the force commanded last. `contact_force` is that of the
+    /// last computed tick, N. Returns where contact sees the tip at the end, m.
+    ///
+    /// # Errors
+    /// With a fault, which ends the run.
+    fn sense(&mut self, begin_s: f64, end_s: f64, contact_force: &Vec3) -> Result<Vec3, InstrumentFault>;
+
+    /// Takes the force of a contact, N. Returns the force that is commanded, before device limits.
+    fn command(&mut self, contact_force: &Vec3) -> Vec3;
+
+    /// Commands no force, after a missed deadline or a fault.
+    fn release(&mut self);
+}
+
+dyn_clone::clone_trait_object!(Instrument);
+
+/// Why an instrument of one's own cannot go on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[error("the instrument failed: {0}")]
+pub struct InstrumentFault(pub &'static str);
+
+/// Why there is no tip at the end of a tick.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum SenseError {
+    /// The modelled device left the range in which it can be simulated.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    /// An instrument of one's own failed.
+    #[error(transparent)]
+    Own(#[from] InstrumentFault),
+}
+
+/// The instrument of a run.
 ///
 /// ```
 /// use stickslip::Vec3;
-/// use stickslip::device::instrument::{Instrument, InstrumentKind, TipPath, Waypoint};
+/// use stickslip::device::instrument::{InstrumentInUse, InstrumentKind};
+/// use stickslip::device::path::{TipPath, Waypoint};
 ///
 /// let path = TipPath::new(vec![
 ///     Waypoint { time: 0.0, position: Vec3::zeros() },
 ///     Waypoint { time: 1.0, position: Vec3::x() * 0.01 },
 /// ])?;
-/// let mut instrument = Instrument::new(&InstrumentKind::Path, &path, 1e-3)?;
+/// let mut instrument = InstrumentInUse::new(&InstrumentKind::Path, &path, 1e-3)?;
 /// assert_eq!(instrument.start(), Vec3::zeros());
 /// let force = Vec3::z();
 /// assert_eq!(instrument.command(&force), force);
@@ -73,261 +120,82 @@ pub enum InstrumentKind {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone)]
-pub enum Instrument {
-    /// A tip that goes its way whatever the force.
+pub enum InstrumentInUse {
+    /// A tip that follows its path whatever the force.
     Path(TipPath),
-    /// A modelled device in a hand.
+    /// The modelled device in a hand.
     Phantom(Box<CoupledPhantom>),
+    /// An instrument of one's own.
+    Own(Box<dyn Instrument>),
 }
 
-/// Why there is no such instrument.
-#[derive(Debug, Clone, Copy, PartialEq, Error)]
-pub enum InstrumentError {
-    /// The device.
-    #[error(transparent)]
-    Device(#[from] DeviceError),
-    /// The virtual coupling.
-    #[error(transparent)]
-    Coupling(#[from] CouplingError),
-}
-
-impl Instrument {
-    /// At t = 0. Ticks are h long, s.
+impl InstrumentInUse {
+    /// The instrument of a scene, for ticks of `tick_s` seconds.
     ///
     /// # Errors
-    /// If a device cannot be there, or is made of what cannot be.
-    pub fn new(kind: &InstrumentKind, path: &TipPath, tick: f64) -> Result<Self, InstrumentError> {
+    /// If a device cannot be where the tip starts, or its settings are impossible.
+    pub fn new(kind: &InstrumentKind, path: &TipPath, tick_s: f64) -> Result<Self, InstrumentError> {
         Ok(match kind {
-            InstrumentKind::Path => Instrument::Path(path.clone()),
-            InstrumentKind::Phantom(settings) => {
-                Instrument::Phantom(Box::new(CoupledPhantom::new(settings, path, tick)?))
-            }
+            InstrumentKind::Path => Self::Path(path.clone()),
+            InstrumentKind::Phantom(settings) => Self::Phantom(Box::new(CoupledPhantom::new(settings, path, tick_s)?)),
         })
     }
 
     /// Where contact sees the tip at t = 0, m.
     pub fn start(&self) -> Vec3 {
         match self {
-            Instrument::Path(path) => path.at(0.0),
-            Instrument::Phantom(phantom) => phantom.start(),
+            Self::Path(path) => path.at(0.0),
+            Self::Phantom(phantom) => phantom.start(),
+            Self::Own(instrument) => instrument.start(),
         }
     }
 
-    /// Moves on over a tick, from one time to another, s, under the force commanded last, while the contact force of the
-    /// last computed tick, N, acts on what is simulated of it: where contact sees the tip then, m.
+    /// As [`Instrument::sense`]. A tip that is not finite is a fault.
     ///
     /// # Errors
-    /// If it leaves the range in which it can be simulated.
-    pub fn sense(&mut self, begin: f64, end: f64, contact_force: &Vec3) -> Result<Vec3, DeviceError> {
+    /// If the instrument cannot go on.
+    pub fn sense(&mut self, begin_s: f64, end_s: f64, contact_force: &Vec3) -> Result<Vec3, SenseError> {
         match self {
-            Instrument::Path(path) => Ok(path.at(end)),
-            Instrument::Phantom(phantom) => phantom.sense(begin, contact_force),
+            Self::Path(path) => Ok(path.at(end_s)),
+            Self::Phantom(phantom) => Ok(phantom.sense(begin_s, contact_force)?),
+            Self::Own(instrument) => {
+                let tip = instrument.sense(begin_s, end_s, contact_force)?;
+                if tip.iter().all(|c| c.is_finite()) { Ok(tip) } else { Err(InstrumentFault("its tip is not finite"))? }
+            }
         }
     }
 
-    /// Takes the force of a contact, N: the force that is commanded, before device limits.
+    /// As [`Instrument::command`]. A force that is not finite is commanded as zero.
     pub fn command(&mut self, contact_force: &Vec3) -> Vec3 {
         match self {
-            Instrument::Path(_) => *contact_force,
-            Instrument::Phantom(phantom) => phantom.command(contact_force),
+            Self::Path(_) => *contact_force,
+            Self::Phantom(phantom) => phantom.command(contact_force),
+            Self::Own(instrument) => {
+                let force = instrument.command(contact_force);
+                if force.iter().all(|c| c.is_finite()) {
+                    force
+                } else {
+                    instrument.release();
+                    Vec3::zeros()
+                }
+            }
         }
     }
 
     /// Commands no force.
     pub fn release(&mut self) {
         match self {
-            Instrument::Path(_) => {}
-            Instrument::Phantom(phantom) => phantom.release(),
+            Self::Path(_) => {}
+            Self::Phantom(phantom) => phantom.release(),
+            Self::Own(instrument) => instrument.release(),
         }
     }
 
-    /// The device, if it is one.
+    /// The modelled device, if it is one.
     pub fn device(&self) -> Option<&CoupledPhantom> {
         match self {
-            Instrument::Path(_) => None,
-            Instrument::Phantom(phantom) => Some(phantom),
+            Self::Path(_) | Self::Own(_) => None,
+            Self::Phantom(phantom) => Some(phantom),
         }
-    }
-}
-
-/// What is wrong with waypoints.
-#[derive(Debug, Error)]
-pub enum PathError {
-    /// There is none.
-    #[error("there is no waypoint")]
-    Empty,
-    /// A number, or the way to it from the waypoint before, is NaN or infinite.
-    #[error("waypoint {index} is not finite")]
-    NotFinite {
-        /// Counted from 0.
-        index: usize,
-    },
-    /// A waypoint is not later than the one before.
-    #[error("waypoint {index} at {time} s is not later than the one before it, at {before} s")]
-    NotAscending {
-        /// Counted from 0.
-        index: usize,
-        /// Its time, s.
-        time: f64,
-        /// The time before, s.
-        before: f64,
-    },
-    /// The recording cannot be opened.
-    #[error("cannot read {path}: {error}")]
-    Unreadable {
-        /// Where it was looked for.
-        path: PathBuf,
-        /// Why.
-        error: io::Error,
-    },
-    /// The recording is not as it should be.
-    #[error("{0}")]
-    Csv(#[from] csv::Error),
-    /// The recording's columns are others.
-    #[error("its header is `{found}`, not `t,x,y,z`")]
-    Header {
-        /// The first line.
-        found: String,
-    },
-}
-
-impl TipPath {
-    /// Takes waypoints in ascending order.
-    ///
-    /// # Errors
-    /// If there is none, one is not finite, or they do not ascend.
-    pub fn new(waypoints: Vec<Waypoint>) -> Result<Self, PathError> {
-        if waypoints.is_empty() {
-            return Err(PathError::Empty);
-        }
-        for (index, waypoint) in waypoints.iter().enumerate() {
-            if !(waypoint.time.is_finite() && waypoint.position.iter().all(|c| c.is_finite())) {
-                return Err(PathError::NotFinite { index });
-            }
-        }
-        for (index, pair) in waypoints.windows(2).enumerate() {
-            let index = index + 1;
-            // Far apart, finite numbers have a difference that is not.
-            if !((pair[1].position - pair[0].position).norm() / (pair[1].time - pair[0].time)).is_finite()
-                && pair[1].time > pair[0].time
-            {
-                return Err(PathError::NotFinite { index });
-            }
-            if pair[1].time <= pair[0].time {
-                return Err(PathError::NotAscending { index, time: pair[1].time, before: pair[0].time });
-            }
-        }
-        Ok(Self { waypoints })
-    }
-
-    /// Reads a recording: CSV with the header `t,x,y,z`, in s and m.
-    ///
-    /// # Errors
-    /// If the file cannot be read, has other columns or anything but numbers, or its times do not
-    /// ascend; with the line.
-    ///
-    /// ```
-    /// use stickslip::device::instrument::TipPath;
-    ///
-    /// let folder = tempfile::tempdir()?;
-    /// let recording = folder.path().join("press.csv");
-    /// std::fs::write(&recording, "t,x,y,z\n0.0,0,0,0.002\n0.5,0,0,-0.003\n")?;
-    /// assert!((TipPath::from_csv(&recording)?.top_speed() - 0.01).abs() < 1e-15); // m/s
-    /// std::fs::write(&recording, "time,z\n0.0,0.002\n")?;
-    /// let error = TipPath::from_csv(&recording).expect_err("other columns");
-    /// assert_eq!(error.to_string(), "its header is `time,z`, not `t,x,y,z`");
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
-    pub fn from_csv(path: &FilePath) -> Result<Self, PathError> {
-        #[derive(Deserialize)]
-        struct Row {
-            t: f64,
-            x: f64,
-            y: f64,
-            z: f64,
-        }
-        let file = File::open(path).map_err(|error| PathError::Unreadable { path: path.to_owned(), error })?;
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
-        let header: Vec<String> = reader.headers()?.iter().map(str::to_owned).collect();
-        if header != ["t", "x", "y", "z"] {
-            return Err(PathError::Header { found: header.join(",") });
-        }
-        let rows = reader.deserialize::<Row>();
-        let waypoints: Result<Vec<_>, _> =
-            rows.map(|row| row.map(|Row { t, x, y, z }| Waypoint { time: t, position: Vec3::new(x, y, z) })).collect();
-        Self::new(waypoints?)
-    }
-
-    /// The tip at a time, s.
-    pub fn at(&self, time: f64) -> Vec3 {
-        match self.around(time) {
-            (Some(before), Some(after)) => {
-                let fraction = (time - before.time) / (after.time - before.time);
-                before.position + (after.position - before.position) * fraction
-            }
-            (Some(only), None) => only.position,
-            (None, Some(only)) => only.position,
-            (None, None) => unreachable!("a path has at least one waypoint"),
-        }
-    }
-
-    /// Its velocity, m/s; at a waypoint, the one after it.
-    pub fn velocity_at(&self, time: f64) -> Vec3 {
-        match self.around(time) {
-            (Some(before), Some(after)) => (after.position - before.position) / (after.time - before.time),
-            _ => Vec3::zeros(),
-        }
-    }
-
-    /// The last waypoint not after a time, and the first after it.
-    fn around(&self, time: f64) -> (Option<&Waypoint>, Option<&Waypoint>) {
-        let after = self.waypoints.partition_point(|waypoint| waypoint.time <= time);
-        (after.checked_sub(1).map(|i| &self.waypoints[i]), self.waypoints.get(after))
-    }
-
-    /// The same path elsewhere, and so many times slower.
-    pub fn transformed(&self, slower: f64, to: impl Fn(Vec3) -> Vec3) -> Self {
-        let waypoints = self.waypoints.iter();
-        let waypoint = |w: &Waypoint| Waypoint { time: w.time * slower, position: to(w.position) };
-        Self { waypoints: waypoints.map(waypoint).collect() }
-    }
-
-    /// The fastest the tip moves, m/s.
-    pub fn top_speed(&self) -> f64 {
-        self.waypoints
-            .windows(2)
-            .map(|pair| (pair[1].position - pair[0].position).norm() / (pair[1].time - pair[0].time))
-            .fold(0.0, f64::max)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn waypoint(time: f64, x: f64) -> Waypoint {
-        Waypoint { time, position: Vec3::x() * x }
-    }
-
-    #[test]
-    fn the_tip_moves_linearly_and_stays_outside() {
-        let path = TipPath::new(vec![waypoint(1.0, 0.0), waypoint(3.0, 4.0), waypoint(4.0, 4.0)]).unwrap();
-        for (time, x) in [(0.0, 0.0), (1.0, 0.0), (1.5, 1.0), (3.0, 4.0), (3.5, 4.0), (9.0, 4.0)] {
-            assert_eq!(path.at(time).x, x, "at {time} s");
-        }
-        for (time, speed) in [(0.0, 0.0), (1.0, 2.0), (2.9, 2.0), (3.0, 0.0), (9.0, 0.0)] {
-            assert_eq!(path.velocity_at(time).x, speed, "at {time} s");
-        }
-        assert_eq!(path.top_speed(), 2.0);
-    }
-
-    #[test]
-    fn bad_waypoints_are_named() {
-        assert!(matches!(TipPath::new(vec![]), Err(PathError::Empty)));
-        assert!(matches!(
-            TipPath::new(vec![waypoint(0.0, 0.0), waypoint(0.0, 1.0)]),
-            Err(PathError::NotAscending { index: 1, .. })
-        ));
-        assert!(matches!(TipPath::new(vec![waypoint(0.0, f64::NAN)]), Err(PathError::NotFinite { index: 0 })));
     }
 }

@@ -12,11 +12,12 @@ use std::thread;
 
 use pulp::Arch;
 
-use super::integrators::{Constraint, Steps};
+use super::constraint::{Constraint, Steps};
 use crate::Vec3;
 use crate::model::columns::Columns;
-use crate::model::network::{Network, State};
+use crate::model::network::Network;
 use crate::model::springs::{Halves, Part};
+use crate::model::state::State;
 
 /// What one thread needs for its nodes.
 #[derive(Debug, Clone)]
@@ -200,7 +201,7 @@ impl Drop for HangUp<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dynamics::integrators::{Threads, Unconstrained};
+    use crate::dynamics::constraint::{Threads, Unconstrained};
     use crate::model::mesh::{Block, Stencil};
     use crate::model::springs::Spring;
 

@@ -6,9 +6,10 @@ use faer::sparse::linalg::solvers::{Lu, SymbolicLu};
 use faer::sparse::{SparseColMat, Triplet};
 use thiserror::Error;
 
-use super::integrators::Constraint;
-use crate::model::network::{ExternalForce, Network, State};
+use super::constraint::Constraint;
+use crate::model::network::Network;
 use crate::model::springs::TangentKind;
+use crate::model::state::{ExternalForce, State};
 use crate::{Mat3, Vec3};
 
 /// Iterations end when the last change of velocities is below this share of the largest speed: Newton's method squares
@@ -34,7 +35,7 @@ pub struct NotSolved {
 /// Newton's method for one network.
 ///
 /// ```
-/// use stickslip::dynamics::{implicit::Newton, integrators::Unconstrained};
+/// use stickslip::{dynamics::constraint::Unconstrained, dynamics::implicit::Newton};
 /// use stickslip::{Vec3, model::network::Network, model::springs::Spring};
 ///
 /// // m = 1 kg on k = 10⁶ N/m, stretched by 1 mm: an explicit step of 0.1 s would be fifty times too long.

@@ -1,10 +1,10 @@
-//! Time: integrators of the full model, the global cycle, limits of explicit steps, energy.
+//! Time: integrators of the full model, equilibrium, and stability limits of explicit steps.
 
-pub mod energy;
+pub mod constraint;
 mod explicit;
-pub mod global;
 pub mod implicit;
 pub mod integrators;
+mod rk4;
 pub mod settle;
 pub mod stability;
 pub mod statics;

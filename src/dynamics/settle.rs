@@ -4,8 +4,9 @@ use thiserror::Error;
 
 use super::statics::Statics;
 use crate::Vec3;
-use crate::model::network::{ExternalForce, Network};
+use crate::model::network::Network;
 use crate::model::springs::TangentKind;
+use crate::model::state::ExternalForce;
 
 /// The largest force that may be left on a free node, as a share of the largest weight of one.
 pub const RESIDUAL: f64 = 1e-12;
@@ -47,7 +48,7 @@ pub enum SettleError {
 ///
 /// ```
 /// use stickslip::dynamics::settle::{SettleError, settle};
-/// use stickslip::model::{network::{ExternalForce, Network}, springs::Spring};
+/// use stickslip::{model::network::Network, model::springs::Spring, model::state::ExternalForce};
 /// use stickslip::Vec3;
 ///
 /// // A mass of 1 kg that hangs by a spring of 10 cm and 100 N/m.

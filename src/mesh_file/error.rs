@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use crate::model::surface::SurfaceError;
+use crate::model::topology::SurfaceError;
 
 /// A mesh file that cannot be used.
 ///

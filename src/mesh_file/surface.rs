@@ -6,7 +6,7 @@ use super::SAME_PLACE;
 use super::error::MeshProblem;
 use crate::Vec3;
 use crate::model::mesh::Mesh;
-use crate::model::surface::Surface;
+use crate::model::topology::Surface;
 
 /// Twice the area over the square of the longest edge, below which a triangle is flat; as for tetrahedra.
 const FLAT: f64 = 1e-9;

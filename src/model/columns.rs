@@ -4,7 +4,9 @@ use std::ops::Range;
 
 use pulp::Arch;
 
-use super::network::{ExternalForce, Network, REST_SPEED, State};
+use super::network::Network;
+use super::simd::vectorize;
+use super::state::{ExternalForce, REST_SPEED, State};
 use crate::Vec3;
 
 /// Numbers in a line of cache, on common processors.
@@ -17,7 +19,7 @@ const LINE: usize = 8;
 /// 1.5 to 2.6 times as long (4,096 and 32,768 nodes).
 ///
 /// ```
-/// use stickslip::{Vec3, model::{columns::Columns, network::State}};
+/// use stickslip::{Vec3, model::columns::Columns, model::state::State};
 ///
 /// let state = State { x: vec![Vec3::x(), Vec3::y(), Vec3::z()], v: vec![Vec3::zeros(); 3] };
 /// let mut columns = Columns::new(3);
@@ -168,15 +170,5 @@ impl Columns {
                 v[nodes.clone()].iter_mut().for_each(|v| *v = if v.abs() < REST_SPEED { 0.0 } else { *v });
             }
         });
-    }
-}
-
-/// Does it with the vector instructions of `arch`, which change no result: the compiler fuses no operations.
-#[inline(always)]
-pub(super) fn vectorize(arch: Arch, work: impl FnOnce()) {
-    match arch {
-        #[cfg(target_arch = "x86_64")]
-        Arch::V3(simd) => simd.vectorize(work),
-        _ => work(),
     }
 }

@@ -11,6 +11,7 @@ use std::ops::{DivAssign, MulAssign};
 use thiserror::Error;
 
 use super::mesh::{Block, Mesh, Stencil};
+use crate::word::words;
 
 /// Poisson's ratio of every isotropic network of central springs.
 pub const POISSON_RATIO: f64 = 0.25;
@@ -135,18 +136,7 @@ pub enum Identification {
     Lloyd,
 }
 
-impl Identification {
-    /// All.
-    pub const ALL: [Self; 2] = [Self::VanGelder, Self::Lloyd];
-
-    /// Its name in a scene.
-    pub fn name(self) -> &'static str {
-        match self {
-            Identification::VanGelder => "van-gelder",
-            Identification::Lloyd => "lloyd",
-        }
-    }
-}
+words!(Identification { VanGelder = "van-gelder", Lloyd = "lloyd" });
 
 /// Why a mesh cannot be given a material's constants.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]

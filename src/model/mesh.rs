@@ -1,6 +1,7 @@
 //! Meshes: node positions, edges that become springs, and the triangles of the surface.
 
 use crate::Vec3;
+use crate::word::words;
 
 /// Geometry only; masses and springs come with the [network](super::network::Network).
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -25,15 +26,18 @@ impl Mesh {
 }
 
 /// Which neighbours of a block's lattice are joined by springs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Stencil {
     /// Lattice edges.
     Structural,
     /// And both diagonals of every lattice face.
+    #[default]
     Shear,
     /// And the four diagonals of every lattice cell.
     Full,
 }
+
+words!(Stencil { Structural = "structural", Shear = "shear", Full = "full" });
 
 impl Stencil {
     /// Lattice steps to the later of the two nodes that an edge joins, one for each direction.

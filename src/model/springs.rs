@@ -10,6 +10,7 @@ use std::ops::Range;
 use pulp::Arch;
 
 use super::columns::Columns;
+use crate::word::words;
 use crate::{Mat3, Vec3};
 use sweep::{Constants, LANES, LENGTH_SQUARED_FLOOR, Packet, Rows, Section, sweep};
 
@@ -142,13 +143,16 @@ pub struct Springs {
 }
 
 /// How the geometric part of the elastic Jacobian is taken.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum TangentKind {
     /// As it is: a compressed spring pushes sideways, and K may be indefinite.
+    #[default]
     Exact,
     /// With 1 − L/ℓ clamped at zero, so that the elastic K stays negative semidefinite.
     Stabilised,
 }
+
+words!(TangentKind { Exact = "exact", Stabilised = "stabilised" });
 
 /// Where to cut so that both sides have equally many springs; nowhere if there are too few, or if most would go across,
 /// which both threads sweep.
@@ -339,7 +343,7 @@ impl Spring {
 mod tests {
     use super::*;
     use crate::model::mesh::{Block, Stencil};
-    use crate::model::network::State;
+    use crate::model::state::State;
 
     /// Every level of vector instructions that this machine has gives the same bits.
     #[test]

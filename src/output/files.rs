@@ -12,9 +12,9 @@ use thiserror::Error;
 
 use super::summary::{Recorder, Sample, Summary};
 use super::trace::TraceRow;
-use crate::device::failsafe::Fault;
 use crate::model::network::Network;
-use crate::model::surface::Surface;
+use crate::model::topology::Surface;
+use crate::multirate::failsafe::Fault;
 use crate::pipeline::{Simulation, TickView};
 use crate::scene::{Scene, SceneError};
 
@@ -62,8 +62,8 @@ pub struct FinishedRun {
 /// ```
 /// use stickslip::{output::files::run_into, scene::Scene};
 ///
-/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// scene.tick_count = 150; // the tip meets the block after 80
+/// // the tip meets the block after 80
+/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let folder = tempfile::tempdir()?;
 /// let run = run_into(&scene, folder.path(), |_| ())?;
 /// assert!(run.summary.passes() && run.fault.is_none());
@@ -89,11 +89,7 @@ pub fn run_into(scene: &Scene, out: &Path, watch: impl FnMut(&TickView)) -> Resu
 /// let folder = tempfile::tempdir()?;
 /// let run = write_run(&scene, Simulation::prepare(&scene)?, folder.path(), |_| (), |simulation, mut observe| {
 ///     let mut run = Lockstep::new(simulation);
-///     (0..120).try_for_each(|_| {
-///         run.begin_tick(&mut |_| ())?;
-///         run.finish_tick(&mut |_| (), &mut observe)
-///     })
-///     .err()
+///     (0..120).try_for_each(|_| run.step().map(|view| view.iter().for_each(&mut observe))).err()
 /// })?;
 /// assert_eq!((run.samples.len(), run.summary.ticks), (120, 120));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -139,7 +135,7 @@ pub fn write_run(
     #[cfg(feature = "plots")]
     {
         let path = out.join("forces.svg");
-        let svg = super::plots::forces(&scene.name, recorder.samples()).map_err(failed(&path))?;
+        let svg = super::figures::forces::forces(&scene.name, recorder.samples()).map_err(failed(&path))?;
         write_file(&path, svg.as_bytes())?;
     }
     write_json(&out.join("summary.json"), &summary)?;

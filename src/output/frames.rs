@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::Vec3;
-use crate::model::patch::OUTSIDE;
+use crate::local::patch::OUTSIDE;
 use crate::pipeline::TickView;
 use crate::scene::Scene;
 
@@ -19,8 +19,8 @@ const STEPS: f64 = u16::MAX as f64;
 /// ```
 /// use stickslip::{output::frames::{FrameRecorder, NoFrames}, pipeline, scene::Scene};
 ///
-/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// scene.tick_count = 150; // the tip meets the block after 80
+/// // the tip meets the block after 80
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let record = |most_bytes| {
 ///     let mut recorder = FrameRecorder::new(&scene, most_bytes);
 ///     pipeline::run(&scene, |tick| recorder.record(tick)).expect("it comes to its end");
@@ -137,10 +137,10 @@ pub enum NoFrames {
 impl FrameRecorder {
     /// For a run of a scene whose positions take at most so many bytes: a larger run has fewer frames.
     pub fn new(scene: &Scene, most_bytes: usize) -> Self {
-        let stride = (1.0 / (FRAMES_PER_S * scene.tick)).ceil().max(1.0) as u64;
+        let stride = (1.0 / (FRAMES_PER_S * scene.tick_s())).ceil().max(1.0) as u64;
         Self {
             is_fixed: scene.fixed.clone(),
-            ticks: [stride, scene.tick_count],
+            ticks: [stride, scene.tick_count()],
             most_bytes,
             recording: Recording::Nothing,
         }
@@ -172,7 +172,7 @@ impl FrameRecorder {
     }
 
     fn begin(&self, view: &TickView) -> Recording {
-        let surface = &view.local.model().surface;
+        let surface = &view.local.surface().topology;
         let vertices = surface.vertex_node.len();
         let is_fixed = |vertex: &u32| {
             let node = surface.vertex_node[*vertex as usize];

@@ -7,12 +7,12 @@ use super::spectrum::power_above;
 use crate::Vec3;
 use crate::contact::law::Mode;
 use crate::device::coupled::DeviceView;
-use crate::device::failsafe::Fault;
-use crate::model::condensation::CondensationCounts;
+use crate::local::condensation::CondensationCounts;
 use crate::model::work::WorkCounts;
+use crate::multirate::failsafe::Fault;
+use crate::multirate::timeline::{Fate, OverrunPolicy};
 use crate::pipeline::TickView;
 use crate::scene::Scene;
-use crate::timeline::{Fate, OverrunPolicy};
 
 /// Frequencies above this count as ripple, Hz.
 const RIPPLE_HZ: f64 = 100.0;
@@ -45,8 +45,8 @@ impl Summary {
 /// ```
 /// use stickslip::{output::summary::Recorder, pipeline, scene::Scene};
 ///
-/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// scene.tick_count = 150; // the tip meets the block after 80
+/// // the tip meets the block after 80
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let mut recorder = Recorder::default();
 /// pipeline::run(&scene, |tick| recorder.record(tick))?;
 /// let summary = recorder.summary(&scene, None, 0.1);
@@ -346,13 +346,13 @@ impl Recorder {
             largest_force_jump_n: jump.newtons,
             largest_force_jump_tick: jump.tick,
             mode_switches_per_s: if time > 0.0 { contact.mode_switches() as f64 / time } else { 0.0 },
-            force_power_above_100_hz_n2: power_above(&forces, 1.0 / scene.tick, RIPPLE_HZ),
+            force_power_above_100_hz_n2: power_above(&forces, scene.local_rate_hz(), RIPPLE_HZ),
             energy: self.energy,
             work: self.work,
             condensation: self.condensation,
             timing: self.timing.map(|late| {
                 let ticks = samples.len() as u64;
-                let boundaries = ticks.saturating_sub(1) / u64::from(scene.ticks_per_cycle);
+                let boundaries = ticks.saturating_sub(1) / u64::from(scene.ticks_per_cycle());
                 TimingSummary {
                     deadline_s: scene.deadline.after,
                     overrun: scene.deadline.overrun,

@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-use crate::contact::surface::ContactPoint;
 use crate::pipeline::TickView;
+use crate::surface::geometry::ContactPoint;
 
 /// A row. Floats are written in their shortest form that reads back to the same bits. The contact
 /// columns are those of the located contact and stay empty in free ticks; those of a modelled device stay empty
@@ -12,8 +12,8 @@ use crate::pipeline::TickView;
 /// ```
 /// use stickslip::{output::trace::TraceRow, pipeline, scene::Scene};
 ///
-/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// scene.tick_count = 150; // the tip meets the block after 80
+/// // the tip meets the block after 80
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let mut trace = csv::Writer::from_writer(Vec::new());
 /// pipeline::run(&scene, |tick| trace.serialize(TraceRow::new(tick)).expect("a row fits the header"))?;
 /// let text = String::from_utf8(trace.into_inner()?)?;

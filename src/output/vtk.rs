@@ -36,8 +36,8 @@ const FRAMES: &str = "vtk";
 /// ```
 /// use stickslip::{output::vtk::VtkWriter, pipeline, scene::Scene};
 ///
-/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// scene.tick_count = 150; // the tip meets the block after 80
+/// // the tip meets the block after 80
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let folder = tempfile::tempdir()?;
 /// let mut writer = VtkWriter::new(folder.path(), 50)?;
 /// pipeline::run(&scene, |tick| writer.record(tick))?;
@@ -143,7 +143,7 @@ impl VtkWriter {
         let (model, state) = (view.local.model(), view.local.state());
         self.x.clone_from(&view.network_state.x);
         self.v.clone_from(&view.network_state.v);
-        for (vertex, &node) in model.surface.vertex_node.iter().enumerate() {
+        for (vertex, &node) in view.local.surface().topology.vertex_node.iter().enumerate() {
             self.x[node as usize] = model.vertex(vertex as u32, &state.x, view.local.elapsed());
         }
         for (slot, &node) in model.patch.nodes.iter().enumerate() {
@@ -159,9 +159,8 @@ impl VtkWriter {
 fn contact_weights(view: &TickView) -> Vec<f64> {
     let mut weights = vec![0.0; view.network.node_count()];
     if let Some(touch) = view.report.touch {
-        let model = view.local.model();
-        for (vertex, weight) in model.geometry.weights(&model.surface, &touch.point) {
-            weights[model.surface.vertex_node[vertex as usize] as usize] += weight;
+        for (node, weight) in view.local.surface().node_weights(&touch.point) {
+            weights[node] += weight;
         }
     }
     weights
@@ -169,7 +168,7 @@ fn contact_weights(view: &TickView) -> Vec<f64> {
 
 /// The surface's triangles, then the springs: the same in every frame.
 fn cells(view: &TickView) -> String {
-    let surface = &view.local.model().surface;
+    let surface = &view.local.surface().topology;
     let Network { springs, .. } = view.network;
     let triangles = (0..surface.triangles.len() as u32).flat_map(|triangle| surface.triangle_nodes(triangle));
     let connectivity: Vec<i64> =

@@ -7,10 +7,11 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use triple_buffer::{Input, Output, TripleBuffer};
 
 use crate::Vec3;
-use crate::contact::tick::Contact;
-use crate::device::failsafe::Cause;
-use crate::dynamics::global::{CycleMessage, Keep, ModelMessage, Trajectory};
-use crate::servo::Servo;
+use crate::contact::state::Contact;
+use crate::multirate::failsafe::Cause;
+use crate::multirate::messages::{CycleMessage, ModelMessage};
+use crate::multirate::servo::Servo;
+use crate::multirate::trajectory::{Keep, Trajectory};
 
 /// Cycles of the patch's path that fit into the ring.
 const CYCLES_IN_RING: usize = 4;
@@ -67,7 +68,7 @@ pub struct GlobalEnd {
     notes: Consumer<Note>,
     values: Consumer<Vec3>,
     models: Input<Slot>,
-    cycle_ticks: u64,
+    ticks_per_cycle: u64,
     keep: Keep,
     pass: u32,
     /// The nodes of every model that may still be in use, by the boundary it was built from.
@@ -80,12 +81,12 @@ pub struct GlobalEnd {
 /// A pair of ends for cycles of so many ticks and a first model of these nodes. Without anything to keep, nothing goes up.
 ///
 /// ```
-/// use stickslip::{pipeline::Simulation, realtime::channel::channel, scene::Scene, timeline::Fate};
+/// use stickslip::{multirate::timeline::Fate, pipeline::{Sides, Simulation}, realtime::channel::channel, scene::Scene};
 ///
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
 /// let simulation = Simulation::prepare(&scene)?;
 /// let keep = simulation.keeps();
-/// let (mut servo, mut global) = simulation.into_loops();
+/// let Sides { mut servo, mut global } = simulation.into_sides();
 /// let (mut servo_end, mut global_end) = channel(100, keep, &servo.local().model().patch.nodes);
 ///
 /// // Up: the path of one cycle, tick by tick.
@@ -106,12 +107,12 @@ pub struct GlobalEnd {
 /// assert_eq!(servo_end.take_model(&mut servo), Ok(None)); // once
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub fn channel(cycle_ticks: u64, keep: Option<Keep>, first_nodes: &[u32]) -> (ServoEnd, GlobalEnd) {
+pub fn channel(ticks_per_cycle: u64, keep: Option<Keep>, first_nodes: &[u32]) -> (ServoEnd, GlobalEnd) {
     // Every tick may also begin a segment.
-    let records = 2 * CYCLES_IN_RING * cycle_ticks as usize;
+    let records = 2 * CYCLES_IN_RING * ticks_per_cycle as usize;
     let (notes_up, notes) = RingBuffer::new(records);
     let (values_up, values) =
-        RingBuffer::new(CYCLES_IN_RING * cycle_ticks as usize * 2 * PATCH_GROWTH * first_nodes.len());
+        RingBuffer::new(CYCLES_IN_RING * ticks_per_cycle as usize * 2 * PATCH_GROWTH * first_nodes.len());
     let (models, models_down) = TripleBuffer::default().split();
     let servo = ServoEnd {
         notes: notes_up,
@@ -127,7 +128,7 @@ pub fn channel(cycle_ticks: u64, keep: Option<Keep>, first_nodes: &[u32]) -> (Se
         notes,
         values,
         models,
-        cycle_ticks,
+        ticks_per_cycle,
         keep,
         pass: 0,
         nodes: VecDeque::new(),
@@ -233,17 +234,17 @@ impl GlobalEnd {
         while self.pass_waiting() == Some(self.pass) {
             let note = self.notes.pop().ok()?;
             self.take_values(note.m as usize);
-            let tick_in_cycle = note.tick % self.cycle_ticks;
+            let tick_in_cycle = note.tick % self.ticks_per_cycle;
             match note.kind {
                 Kind::Begin => {
                     let nodes = self.nodes.iter().find(|(from, _)| *from == note.from).map(|(_, nodes)| nodes);
-                    let ticks = (self.cycle_ticks - tick_in_cycle) as usize;
+                    let ticks = (self.ticks_per_cycle - tick_in_cycle) as usize;
                     let nodes = nodes.map_or(&[][..], Vec::as_slice);
                     self.trajectory.begin_at(nodes, &self.x, &self.v, tick_in_cycle as usize, ticks);
                 }
                 Kind::Tick => {
                     self.trajectory.record_at(&self.x, &self.v);
-                    if tick_in_cycle + 1 == self.cycle_ticks {
+                    if tick_in_cycle + 1 == self.ticks_per_cycle {
                         let trajectory = std::mem::replace(&mut self.trajectory, Trajectory::new(self.keep));
                         let message = CycleMessage { trajectory, contact: note.contact, tip: note.tip };
                         return Some((note.tick + 1, message));

@@ -6,7 +6,6 @@
 //! the patch's path leaves through a ring ([`channel`]); neither ever makes it wait.
 
 pub mod allocations;
-pub mod certificate;
 pub mod channel;
 pub mod load;
 pub mod machine;

@@ -8,10 +8,10 @@ use thiserror::Error;
 
 use super::meter::{Meter, Times};
 use super::threads::{LoopSettings, NotServed, Obtained, Pass, Served, Window, serve};
+use crate::multirate::timeline::OverrunPolicy;
 use crate::pipeline::Simulation;
 use crate::scene::{Scene, SceneError};
 use crate::session::{RecordedPass, Session};
-use crate::timeline::OverrunPolicy;
 
 /// Quantiles of a time, ns.
 ///
@@ -106,8 +106,8 @@ pub struct Recorded {
 /// How a scene's loop is to run, with or without the empty loop.
 pub fn loop_settings(scene: &Scene, simulation: &Simulation, control: bool) -> LoopSettings {
     LoopSettings {
-        step: scene.tick,
-        cycle_ticks: u64::from(scene.ticks_per_cycle),
+        step: scene.tick_s(),
+        ticks_per_cycle: u64::from(scene.ticks_per_cycle()),
         keep: simulation.keeps(),
         deadline: scene.deadline,
         control,
@@ -148,8 +148,7 @@ pub enum RecordError {
 /// use std::sync::atomic::AtomicBool;
 /// use stickslip::{realtime::record::record, scene::Scene, session::{Replayed, replay}};
 ///
-/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// scene.tick_count = 40; // 40 ms
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(40); // 40 ms
 /// let recorded = record(&scene, &AtomicBool::new(false))?;
 /// let (session, pass) = (&recorded.session, &recorded.session.passes[0]);
 /// assert_eq!((pass.ticks, recorded.summary.stopped), (40, false));
@@ -159,9 +158,9 @@ pub enum RecordError {
 /// ```
 pub fn record(scene: &Scene, stop: &AtomicBool) -> Result<Recorded, RecordError> {
     let simulation = Simulation::prepare(scene)?;
-    let warm_up = simulation.clone().into_loops().0;
+    let warm_up = simulation.clone().into_sides().servo;
     let settings = loop_settings(scene, &simulation, false);
-    let pass = Pass::new(simulation, scene.tick_count, true);
+    let pass = Pass::new(simulation, scene.tick_count(), true);
     let mut served = serve(vec![pass], warm_up, settings, stop)?;
     let mut session = Session::new(scene, scene.deadline.overrun);
     let passes = std::mem::take(&mut served.passes);

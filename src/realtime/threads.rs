@@ -11,12 +11,13 @@ use super::allocations;
 use super::channel::{GlobalEnd, ServoEnd, channel};
 use super::meter::{Meter, TickTimes};
 use super::os::{self, Usage};
-use crate::device::failsafe::Fault;
-use crate::dynamics::global::Keep;
-use crate::pipeline::{GlobalSide, Simulation};
-use crate::servo::{Servo, ServoTick};
+use crate::multirate::failsafe::Fault;
+use crate::multirate::global::GlobalSide;
+use crate::multirate::servo::{Servo, ServoTick};
+use crate::multirate::timeline::{Arrival, Deadline, Fate, OverrunPolicy, RecordedTimes};
+use crate::multirate::trajectory::Keep;
+use crate::pipeline::{Sides, Simulation};
 use crate::session::{Checksum, Taped};
-use crate::timeline::{Arrival, Deadline, Fate, OverrunPolicy, RecordedTimes};
 
 /// Of the servo thread, among those of `SCHED_FIFO`: above ordinary interrupt threads, below the watchdogs.
 const PRIORITY: i32 = 80;
@@ -48,7 +49,7 @@ impl Pass {
     /// A pass of `ticks` ticks; with `tapes`, tip and force of every tick are kept.
     pub fn new(simulation: Simulation, ticks: u64, tapes: bool) -> Self {
         let has_global = simulation.keeps().is_some();
-        let (servo, global) = simulation.into_loops();
+        let Sides { servo, global } = simulation.into_sides();
         let reserve = || Vec::with_capacity(ticks as usize);
         Self {
             servo,
@@ -86,7 +87,7 @@ pub struct LoopSettings {
     /// h, s.
     pub step: f64,
     /// Ticks of a global cycle.
-    pub cycle_ticks: u64,
+    pub ticks_per_cycle: u64,
     /// How much of the patch's path goes up; `None` if there are no cycles.
     pub keep: Option<Keep>,
     /// Of every tick.
@@ -169,6 +170,9 @@ pub enum NotServed {
     /// There was nothing to run.
     #[error("there is no pass to run in real time")]
     NoPass,
+    /// A renderer of one's own runs in lockstep only.
+    #[error("a renderer of one's own runs in lockstep, not in real time")]
+    OwnRenderer,
     /// One of its threads did not come back.
     #[error("a thread of the loop ended in a panic")]
     #[diagnostic(help("this is a defect of the program: please report it, with the scene"))]
@@ -190,7 +194,7 @@ pub enum NotServed {
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
 /// let simulation = Simulation::prepare(&scene)?;
 /// let settings = loop_settings(&scene, &simulation, false);
-/// let (warm_up, _) = simulation.clone().into_loops();
+/// let warm_up = simulation.clone().into_sides().servo;
 /// // Twice the first 20 ticks, one after the other in the same beat.
 /// let passes = vec![Pass::new(simulation.clone(), 20, false), Pass::new(simulation, 20, false)];
 /// let served = serve(passes, warm_up, settings, &AtomicBool::new(false)).expect("there are passes");
@@ -208,12 +212,15 @@ pub fn serve(
     settings: LoopSettings,
     stop: &AtomicBool,
 ) -> Result<Served, NotServed> {
+    if passes.iter().any(|pass| pass.servo.local().is_rendered_by_another()) {
+        return Err(NotServed::OwnRenderer);
+    }
     let mut refused = Vec::new();
     let ticks = passes.iter().map(|pass| pass.ticks).sum();
     let deadline_ns = nanoseconds(settings.deadline.after);
     let mut meter = Meter::new(ticks, deadline_ns);
     let first_nodes = passes.first().ok_or(NotServed::NoPass)?.servo.local().model().patch.nodes.clone();
-    let (servo_end, global_end) = channel(settings.cycle_ticks, settings.keep, &first_nodes);
+    let (servo_end, global_end) = channel(settings.ticks_per_cycle, settings.keep, &first_nodes);
     let mut passes = passes;
     let sides: Vec<_> = passes.iter_mut().map(|pass| (pass.global.take(), pass.ticks)).collect();
     let first_patches: Vec<Vec<u32>> =
@@ -319,7 +326,7 @@ fn run_loop(
     settings: LoopSettings,
     stop: &AtomicBool,
 ) -> (Window, bool) {
-    let LoopSettings { step, cycle_ticks, deadline, control, .. } = settings;
+    let LoopSettings { step, ticks_per_cycle, deadline, control, .. } = settings;
     let start = os::now_ns() + nanoseconds(LEAD_S);
     let half = nanoseconds(step / 2.0);
     // Releases are counted over all passes: a new pass keeps to the beat.
@@ -350,7 +357,7 @@ fn run_loop(
             os::sleep_until_ns(release);
             let cpu = os::thread_cpu_ns();
             let begin = os::now_ns();
-            let report = match arrive(pass, &mut end, tick, cycle_ticks).and_then(|()| pass.servo.compute(tip)) {
+            let report = match arrive(pass, &mut end, tick, ticks_per_cycle).and_then(|()| pass.servo.compute(tip)) {
                 Ok(report) => report,
                 Err(fault) => {
                     pass.fault = Some(fault);
@@ -375,7 +382,7 @@ fn run_loop(
 
             if !on_time && deadline.overrun == OverrunPolicy::Skip {
                 while release_of(released) < command && pass.servo.next_tick() < pass.ticks {
-                    if let Err(fault) = skip(pass, &mut end, cycle_ticks) {
+                    if let Err(fault) = skip(pass, &mut end, ticks_per_cycle) {
                         pass.fault = Some(fault);
                         break 'passes;
                     }
@@ -408,7 +415,7 @@ fn run_loop(
 }
 
 /// A model that has arrived comes into use, and a segment of the path begins with it or with a cycle.
-fn arrive(pass: &mut Pass, end: &mut ServoEnd, tick: u64, cycle_ticks: u64) -> Result<(), Fault> {
+fn arrive(pass: &mut Pass, end: &mut ServoEnd, tick: u64, ticks_per_cycle: u64) -> Result<(), Fault> {
     match end.take_model(&mut pass.servo) {
         Err((from, cause)) => {
             pass.times.arrivals.push(Arrival { from, at: tick });
@@ -418,15 +425,15 @@ fn arrive(pass: &mut Pass, end: &mut ServoEnd, tick: u64, cycle_ticks: u64) -> R
             pass.times.arrivals.push(Arrival { from, at: tick });
             end.begin_segment(&pass.servo);
         }
-        Ok(None) if tick > 0 && tick.is_multiple_of(cycle_ticks) => end.begin_segment(&pass.servo),
+        Ok(None) if tick > 0 && tick.is_multiple_of(ticks_per_cycle) => end.begin_segment(&pass.servo),
         Ok(None) => {}
     }
     Ok(())
 }
 
 /// A release that passed while a tick was being computed.
-fn skip(pass: &mut Pass, end: &mut ServoEnd, cycle_ticks: u64) -> Result<(), Fault> {
-    if pass.servo.next_tick().is_multiple_of(cycle_ticks) {
+fn skip(pass: &mut Pass, end: &mut ServoEnd, ticks_per_cycle: u64) -> Result<(), Fault> {
+    if pass.servo.next_tick().is_multiple_of(ticks_per_cycle) {
         end.begin_segment(&pass.servo);
     }
     let done = pass.servo.skip()?;

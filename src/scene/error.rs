@@ -8,23 +8,30 @@ use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
 use thiserror::Error;
 
 use super::keys::accepted;
-use crate::device::instrument::{InstrumentError, PathError};
+use super::place::place;
+use crate::device::coupled::InstrumentError;
+use crate::device::path::PathError;
 use crate::dynamics::settle::SettleError;
-use crate::mesh_file::MeshFileError;
-use crate::model::local::ModelError;
+use crate::local::error::ModelError;
+use crate::mesh_file::{MeshFileError, MeshProblem};
 use crate::model::material::MaterialError;
 use crate::model::network::NetworkError;
-use crate::model::surface::SurfaceError;
+use crate::model::topology::SurfaceError;
 
-/// What is wrong.
+/// What is wrong with a scene. Keys are those of scene files, also where a scene was built in Rust.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum Problem {
+    /// A part of one's own does not fit the scene.
+    #[error("{0}")]
+    OwnPart(String),
     /// The file cannot be read.
     #[error("cannot read {path}: {error}")]
     Unreadable {
         /// The scene.
         path: PathBuf,
         /// Why.
+        #[source]
         error: std::io::Error,
     },
     /// Not TOML, an unknown or missing key, or a value of the wrong type: the parser's words.
@@ -72,14 +79,24 @@ pub enum Problem {
         /// The number of nodes.
         nodes: usize,
     },
+    /// A waypoint is not four numbers.
+    #[error("`instrument.waypoints` cannot have {given:?}: four numbers are needed")]
+    Waypoint {
+        /// Counted from 0.
+        index: usize,
+        /// The numbers that it is.
+        given: Vec<f64>,
+    },
     /// The mesh's file.
     #[error("`mesh.path`: {0}")]
-    MeshFile(MeshFileError),
+    MeshFile(#[source] MeshFileError),
     /// The mesh would not fit.
     #[error(
         "{ticks} ticks over a mesh of {nodes} nodes and {springs} springs need about {needed_mib} MiB; {available_mib} MiB are free"
     )]
     TooLarge {
+        /// The key that decides.
+        key: &'static str,
         /// Nodes.
         nodes: u128,
         /// Springs.
@@ -103,6 +120,7 @@ pub enum Problem {
         /// The key.
         key: &'static str,
         /// What is wrong.
+        #[source]
         error: PathError,
     },
     /// The device, its hand or its coupling.
@@ -111,6 +129,7 @@ pub enum Problem {
         /// The key.
         key: &'static str,
         /// What is wrong.
+        #[source]
         error: InstrumentError,
     },
     /// Springs or masses from the constants of a material.
@@ -119,11 +138,12 @@ pub enum Problem {
         /// The key.
         key: &'static str,
         /// What is wrong.
+        #[source]
         error: MaterialError,
     },
     /// There is no equilibrium to start from.
     #[error("`settle`: {0}")]
-    Settle(SettleError),
+    Settle(#[source] SettleError),
     /// Mesh and material do not go together.
     #[error(transparent)]
     Network(#[from] NetworkError),
@@ -136,8 +156,8 @@ pub enum Problem {
 }
 
 impl Problem {
-    /// The key it is about.
-    fn key(&self) -> Option<&'static str> {
+    /// The key that it is about; none if that is all of the scene.
+    pub fn key(&self) -> Option<&'static str> {
         match self {
             Problem::NotAccepted { key, .. }
             | Problem::Missing(key)
@@ -145,19 +165,59 @@ impl Problem {
             | Problem::Needs { key, .. }
             | Problem::Both(key, _)
             | Problem::WrongLength { key, .. }
+            | Problem::TooLarge { key, .. }
             | Problem::Path { key, .. }
             | Problem::Material { key, .. }
             | Problem::Instrument { key, .. } => Some(key),
-            Problem::Unreadable { .. }
-            | Problem::Syntax(_)
-            | Problem::MeshFile(_)
-            | Problem::TooLarge { .. }
-            | Problem::TipInside { .. }
-            | Problem::Settle(_)
-            | Problem::Network(_)
-            | Problem::Surface(_)
-            | Problem::Model(_) => None,
+            Problem::Waypoint { .. } => Some("instrument.waypoints"),
+            Problem::MeshFile(error) => match error.problem() {
+                MeshProblem::Folds { .. } => Some("mesh.layer_depth"),
+                _ => Some("mesh.path"),
+            },
+            Problem::TipInside { .. } => Some("instrument"),
+            Problem::Settle(_) => Some("settle"),
+            Problem::Network(_) | Problem::Surface(_) | Problem::Model(_) => Some("mesh"),
+            Problem::Unreadable { .. } | Problem::Syntax(_) | Problem::OwnPart(_) => None,
         }
+    }
+
+    /// The entry of the key's list that it is about.
+    fn index(&self) -> Option<usize> {
+        match self {
+            Problem::Waypoint { index, .. }
+            | Problem::Path { error: PathError::NotFinite { index } | PathError::NotAscending { index, .. }, .. } => {
+                Some(*index)
+            }
+            _ => None,
+        }
+    }
+
+    /// What to do about it.
+    fn advice(&self) -> Option<String> {
+        let fixed = match self {
+            Problem::Needs { key: "local.integrator", needs, .. } => {
+                return Some(format!(
+                    "give {needs}, or `local.integrator = \"semi-implicit-euler\"`, which takes every model"
+                ));
+            }
+            Problem::MeshFile(error) => return Some(error.problem().advice().to_string()),
+            Problem::TooLarge { .. } => "give fewer nodes (at most 2³² − 2), fewer rings or a shorter duration",
+            Problem::TipInside { .. } => "start the tip outside: the first waypoint decides where it is at t = 0",
+            Problem::Material { error, .. } => match error {
+                MaterialError::NoShear => "give another `mesh.stencil`, or `material.stiffness`",
+                MaterialError::NoVolume => "give a mesh of tetrahedra, or `material.stiffness` instead",
+                MaterialError::Flat { .. } | MaterialError::Loose { .. } => "repair the mesh",
+            },
+            Problem::Settle(SettleError::Floating { .. }) => {
+                "fix nodes of every piece with `mesh.fixed`, or leave out `settle`"
+            }
+            Problem::Settle(SettleError::NotSettled { .. }) => {
+                "give a stiffer material, more fixed nodes or less `material.gravity`, or leave out `settle`"
+            }
+            Problem::Network(_) | Problem::Surface(_) | Problem::Model(_) | Problem::OwnPart(_) => return None,
+            _ => return self.key().and_then(accepted).map(|values| format!("accepted: {values}")),
+        };
+        Some(fixed.to_owned())
     }
 }
 
@@ -167,7 +227,8 @@ impl Problem {
 /// use stickslip::scene::{Problem, Scene};
 ///
 /// let scene = Scene::shipped("fig5-stick-slip").expect("shipped with the program");
-/// let inside = scene.text().replace("0.002]", "-0.002]"); // where the tip starts, under the block's top
+/// let text = scene.text().expect("it was read");
+/// let inside = text.replace("0.002]", "-0.002]"); // where the tip starts, under the block's top
 /// let error = Scene::parse(&inside, "inside.toml".as_ref())
 ///     .and_then(|scene| stickslip::pipeline::Simulation::prepare(&scene))
 ///     .expect_err("a tip that starts inside");
@@ -187,14 +248,15 @@ pub(super) struct Detail {
 }
 
 impl SceneError {
-    pub(super) fn unplaced(problem: Problem, help: &str) -> Self {
-        let detail = Detail { problem, source: None, span: None, help: Some(help.to_owned()) };
-        Self { detail: Box::new(detail) }
+    /// A problem of a scene that was read from `source`, or of one that was built in Rust.
+    pub(super) fn new(problem: Problem, source: Option<&NamedSource<String>>) -> Self {
+        let span = source.zip(problem.key()).and_then(|(source, key)| place(source.inner(), key, problem.index()));
+        let help = problem.advice();
+        Self { detail: Box::new(Detail { problem, source: source.cloned(), span, help }) }
     }
 
     pub(super) fn at(problem: Problem, source: NamedSource<String>, span: Option<Range<usize>>) -> Self {
-        let help = problem.key().and_then(accepted).map(|values| format!("accepted: {values}"));
-        Self { detail: Box::new(Detail { problem, source: Some(source), span, help }) }
+        Self { detail: Box::new(Detail { problem, source: Some(source), span, help: None }) }
     }
 
     pub(super) fn with_help(mut self, help: impl Into<String>) -> Self {

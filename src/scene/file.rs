@@ -1,25 +1,35 @@
-//! The scene file as written: names, types, and where each value stands. What values mean and which
-//! go together is decided in [`super::validate`].
+//! The scene file as written: keys and the types of their values. What values mean is decided in [`super::read`], which
+//! go together in [`super::check`].
 
+use super::Schedule;
+use super::words::*;
+use crate::contact::rules::Deformation;
+use crate::dynamics::integrators::GlobalIntegrator;
+use crate::local::condensation::FarField;
+use crate::local::step::LocalIntegrator;
+use crate::model::material::Identification;
+use crate::model::mesh::Stencil;
+use crate::model::springs::TangentKind;
+use crate::multirate::global::SyncMode;
+use crate::multirate::timeline::OverrunPolicy;
+use crate::surface::geometry::ContactSurface;
+use crate::surface::support::Metric;
 use serde::Deserialize;
-use toml::Spanned;
-
-use crate::timeline::OverrunPolicy;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneFile {
-    pub name: Spanned<String>,
-    pub duration: Spanned<f64>,
-    pub settle: Option<Spanned<bool>>,
-    pub mesh: Spanned<MeshTable>,
-    pub material: Spanned<MaterialTable>,
+    pub name: String,
+    pub duration: f64,
+    pub settle: Option<bool>,
+    pub mesh: MeshTable,
+    pub material: MaterialTable,
     #[serde(default)]
     pub global: GlobalTable,
     #[serde(default)]
     pub local: LocalTable,
-    pub contact: Spanned<ContactTable>,
-    pub instrument: Spanned<InstrumentTable>,
+    pub contact: ContactTable,
+    pub instrument: InstrumentTable,
     #[serde(default)]
     pub sync: SyncTable,
     #[serde(default)]
@@ -33,31 +43,15 @@ pub struct SceneFile {
 pub struct MeshTable {
     #[serde(default)]
     pub kind: MeshKind,
-    pub nodes: Option<Spanned<[usize; 3]>>,
-    pub spacing: Option<Spanned<f64>>,
-    pub stencil: Option<Spanned<StencilName>>,
-    pub path: Option<Spanned<String>>,
-    pub scale: Option<Spanned<f64>>,
-    pub layers: Option<Spanned<u32>>,
-    pub layer_depth: Option<Spanned<f64>>,
-    pub anchor: Option<Spanned<bool>>,
-    pub fixed: Option<Spanned<Fixed>>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum MeshKind {
-    #[default]
-    Block,
-    File,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum StencilName {
-    Structural,
-    Shear,
-    Full,
+    pub nodes: Option<[usize; 3]>,
+    pub spacing: Option<f64>,
+    pub stencil: Option<Stencil>,
+    pub path: Option<String>,
+    pub scale: Option<f64>,
+    pub layers: Option<u32>,
+    pub layer_depth: Option<f64>,
+    pub anchor: Option<bool>,
+    pub fixed: Option<Fixed>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -65,13 +59,6 @@ pub enum StencilName {
 pub enum Fixed {
     Named(FixedName),
     Region(FixedRegion),
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum FixedName {
-    Bottom,
-    None,
 }
 
 #[derive(Debug, Deserialize)]
@@ -91,175 +78,55 @@ pub enum PerNode {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MaterialTable {
-    pub node_mass: Option<Spanned<PerNode>>,
-    pub density: Option<Spanned<PerNode>>,
-    pub stiffness: Option<Spanned<f64>>,
-    pub young_modulus: Option<Spanned<f64>>,
-    pub identification: Option<Spanned<IdentificationName>>,
-    pub damping: Option<Spanned<f64>>,
-    pub damping_ratio: Option<Spanned<f64>>,
-    pub drag: Option<Spanned<f64>>,
-    pub gravity: Option<Spanned<[f64; 3]>>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum IdentificationName {
-    VanGelder,
-    Lloyd,
+    pub node_mass: Option<PerNode>,
+    pub density: Option<PerNode>,
+    pub stiffness: Option<f64>,
+    pub young_modulus: Option<f64>,
+    pub identification: Option<Identification>,
+    pub damping: Option<f64>,
+    pub damping_ratio: Option<f64>,
+    pub drag: Option<f64>,
+    pub gravity: Option<[f64; 3]>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GlobalTable {
-    pub rate: Option<Spanned<f64>>,
+    pub rate: Option<f64>,
     #[serde(default)]
-    pub integrator: GlobalIntegratorName,
-    pub substeps: Option<Spanned<u32>>,
-    pub threads: Option<Spanned<u32>>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum GlobalIntegratorName {
-    #[default]
-    SemiImplicitEuler,
-    ImplicitEuler,
-    Rk4,
+    pub integrator: GlobalIntegrator,
+    pub substeps: Option<u32>,
+    pub threads: Option<u32>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LocalTable {
-    pub rate: Option<Spanned<f64>>,
+    pub rate: Option<f64>,
     #[serde(default)]
     pub model: LocalModelName,
-    pub rings: Option<Spanned<Rings>>,
-    pub linearization: Option<Spanned<LinearizationName>>,
-    pub exterior: Option<Spanned<ExteriorName>>,
-    pub tangent: Option<Spanned<TangentName>>,
-    pub condense_rings: Option<Spanned<Rings>>,
-    pub far_field: Option<Spanned<FarFieldName>>,
-    pub integrator: Option<Spanned<LocalIntegratorName>>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum LocalModelName {
-    #[default]
-    Patch,
-    Full,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(untagged, expecting = "expected a whole number of at least 1 or \"all\"")]
-pub enum Rings {
-    Count(u32),
-    Named(AllName),
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum AllName {
-    All,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum LinearizationName {
-    #[default]
-    Tangent,
-    None,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ExteriorName {
-    #[default]
-    Fixed,
-    Drifting,
-    Condensed,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum FarFieldName {
-    #[default]
-    Fixed,
-    Coarse,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum TangentName {
-    #[default]
-    Exact,
-    Stabilised,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum LocalIntegratorName {
-    SemiImplicitEuler,
-    ImplicitEuler,
-    ImplicitMidpoint,
-    Exponential,
+    pub rings: Option<Rings>,
+    pub linearization: Option<LinearizationName>,
+    pub exterior: Option<ExteriorName>,
+    pub tangent: Option<TangentKind>,
+    pub condense_rings: Option<Rings>,
+    pub far_field: Option<FarField>,
+    pub integrator: Option<LocalIntegrator>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ContactTable {
     pub law: LawName,
-    pub friction: Option<Spanned<f64>>,
+    pub friction: Option<f64>,
     #[serde(default)]
     pub scheme: SchemeName,
     #[serde(default)]
-    pub surface: SurfaceName,
-    pub deformation: Option<Spanned<DeformationName>>,
-    pub metric: Option<Spanned<MetricName>>,
-    pub wall_stiffness: Option<Spanned<f64>>,
-    pub wall_damping: Option<Spanned<f64>>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum LawName {
-    Sliding,
-    Sticking,
-    StickSlip,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum SchemeName {
-    #[default]
-    Geometric,
-    Velocity,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum SurfaceName {
-    #[default]
-    Faceted,
-    Shaded,
-    Subdivision,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum DeformationName {
-    #[default]
-    Rigid,
-    LeastNorm,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum MetricName {
-    #[default]
-    Euclidean,
-    Mass,
+    pub surface: ContactSurface,
+    pub deformation: Option<Deformation>,
+    pub metric: Option<Metric>,
+    pub wall_stiffness: Option<f64>,
+    pub wall_damping: Option<f64>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -267,101 +134,75 @@ pub enum MetricName {
 pub struct InstrumentTable {
     #[serde(default)]
     pub kind: InstrumentName,
-    pub waypoints: Option<Spanned<Vec<Spanned<Vec<f64>>>>>,
-    pub file: Option<Spanned<String>>,
-    pub smoothing_ticks: Option<Spanned<u32>>,
-    pub passivity_control: Option<Spanned<bool>>,
-    pub device: Option<Spanned<DeviceTable>>,
-    pub hand: Option<Spanned<HandTable>>,
-    pub coupling: Option<Spanned<CouplingTable>>,
+    pub waypoints: Option<Vec<Vec<f64>>>,
+    pub file: Option<String>,
+    pub smoothing_ticks: Option<u32>,
+    pub passivity_control: Option<bool>,
+    pub device: Option<DeviceTable>,
+    pub hand: Option<HandTable>,
+    pub coupling: Option<CouplingTable>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DeviceTable {
-    pub rotation: Option<Spanned<[[f64; 3]; 3]>>,
-    pub offset: Option<Spanned<[f64; 3]>>,
-    pub joint_friction: Option<Spanned<[f64; 3]>>,
-    pub friction_speed: Option<Spanned<f64>>,
-    pub joint_damping: Option<Spanned<f64>>,
-    pub rotor_inertia: Option<Spanned<[f64; 3]>>,
-    pub capstan_ratio: Option<Spanned<[f64; 3]>>,
-    pub torque_constant: Option<Spanned<f64>>,
-    pub largest_current: Option<Spanned<f64>>,
-    pub torque_bits: Option<Spanned<u32>>,
-    pub encoder_counts: Option<Spanned<u32>>,
-    pub amplifier_bandwidth: Option<Spanned<f64>>,
-    pub largest_force: Option<Spanned<f64>>,
-    pub substeps: Option<Spanned<u32>>,
+    pub rotation: Option<[[f64; 3]; 3]>,
+    pub offset: Option<[f64; 3]>,
+    pub joint_friction: Option<[f64; 3]>,
+    pub friction_speed: Option<f64>,
+    pub joint_damping: Option<f64>,
+    pub rotor_inertia: Option<[f64; 3]>,
+    pub capstan_ratio: Option<[f64; 3]>,
+    pub torque_constant: Option<f64>,
+    pub largest_current: Option<f64>,
+    pub torque_bits: Option<u32>,
+    pub encoder_counts: Option<u32>,
+    pub amplifier_bandwidth: Option<f64>,
+    pub largest_force: Option<f64>,
+    pub substeps: Option<u32>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HandTable {
-    pub mass: Option<Spanned<[f64; 3]>>,
-    pub stylus_stiffness: Option<Spanned<[f64; 3]>>,
-    pub stylus_damping: Option<Spanned<[f64; 3]>>,
-    pub arm_stiffness: Option<Spanned<[f64; 3]>>,
-    pub arm_damping: Option<Spanned<[f64; 3]>>,
+    pub mass: Option<[f64; 3]>,
+    pub stylus_stiffness: Option<[f64; 3]>,
+    pub stylus_damping: Option<[f64; 3]>,
+    pub arm_stiffness: Option<[f64; 3]>,
+    pub arm_damping: Option<[f64; 3]>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CouplingTable {
-    pub stiffness: Option<Spanned<f64>>,
-    pub damping: Option<Spanned<f64>>,
-    pub mass: Option<Spanned<f64>>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum InstrumentName {
-    #[default]
-    Path,
-    Recording,
-    #[serde(rename = "phantom-1.5")]
-    Phantom,
+    pub stiffness: Option<f64>,
+    pub damping: Option<f64>,
+    pub mass: Option<f64>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SyncTable {
     #[serde(default)]
-    pub mode: SyncName,
-    pub latency_ticks: Option<Spanned<u32>>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum SyncName {
-    #[default]
-    Replay,
-    Overwrite,
+    pub mode: SyncMode,
+    pub latency_ticks: Option<u32>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunTable {
     #[serde(default)]
-    pub schedule: ScheduleName,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ScheduleName {
-    #[default]
-    Lockstep,
-    Threads,
+    pub schedule: Schedule,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TimingTable {
-    pub tick_cost: Option<Spanned<CostValue>>,
-    pub model_cost: Option<Spanned<CostValue>>,
-    pub deadline: Option<Spanned<f64>>,
-    pub overrun: Option<Spanned<OverrunPolicy>>,
-    pub seed: Option<Spanned<u64>>,
+    pub tick_cost: Option<CostValue>,
+    pub model_cost: Option<CostValue>,
+    pub deadline: Option<f64>,
+    pub overrun: Option<OverrunPolicy>,
+    pub seed: Option<u64>,
 }
 
 #[derive(Debug, Deserialize)]

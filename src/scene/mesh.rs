@@ -1,10 +1,14 @@
 //! Where a scene's mesh comes from.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use crate::mesh_file::FileMesh;
 use crate::model::material::Bulk;
 use crate::model::mesh::{Block, Mesh};
+
+/// Extents of a body in m beyond which, or below which, its unit is in doubt.
+const USUAL_EXTENTS: Range<f64> = 1e-3..10.0;
 
 /// A block that is generated, or a mesh that has been read.
 ///
@@ -21,6 +25,7 @@ use crate::model::mesh::{Block, Mesh};
 /// assert_eq!(scene.mesh.bulk().node_volumes(), Ok(volumes));
 /// ```
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub enum MeshSource {
     /// Generated.
     Block(Block),
@@ -73,4 +78,57 @@ impl MeshSource {
             MeshSource::File(file) => file.node_volumes.clone(),
         }
     }
+
+    /// Whether each node is one of the lowest: a block's lowest layer, or a file's nodes at the lowest z.
+    pub fn bottom(&self) -> Vec<bool> {
+        match self {
+            MeshSource::Block(block) => (0..self.node_count()).map(|node| block.is_bottom(node)).collect(),
+            MeshSource::File(file) => file.bottom().collect(),
+        }
+    }
+
+    /// What may not be meant of it, with these nodes fixed.
+    pub(super) fn warnings(&self, fixed: &[bool]) -> Vec<String> {
+        match self {
+            MeshSource::Block(_) => Vec::new(),
+            MeshSource::File(file) => warnings(file, fixed),
+        }
+    }
+}
+
+impl From<Block> for MeshSource {
+    fn from(block: Block) -> Self {
+        MeshSource::Block(block)
+    }
+}
+
+impl From<FileMesh> for MeshSource {
+    fn from(file: FileMesh) -> Self {
+        MeshSource::File(Arc::new(file))
+    }
+}
+
+fn warnings(file: &FileMesh, fixed: &[bool]) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let extent = file.extent();
+    if !USUAL_EXTENTS.contains(&extent) {
+        warnings.push(format!(
+            "the mesh is {extent:e} m large: if its file is in mm, `mesh.scale = 0.001` makes it m; without `scale` a unit \
+             of the file is 1 m"
+        ));
+    }
+    if file.unused_nodes > 0 {
+        warnings.push(format!(
+            "{} nodes of the mesh's file are left out, as no element uses them: indices count the others",
+            file.unused_nodes
+        ));
+    }
+    let held = fixed.iter().filter(|&&is_fixed| is_fixed).count();
+    if (1..3).contains(&held) {
+        warnings.push(format!(
+            "the mesh is fixed at {held} of its nodes, about which it can turn: `mesh.fixed = {{ below_z = … }}` fixes \
+             a region"
+        ));
+    }
+    warnings
 }

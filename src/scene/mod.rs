@@ -1,126 +1,141 @@
-//! Scenes: what is simulated, read from TOML and checked before anything is built.
+//! Scenes: what is simulated, read from TOML or built in Rust, and checked before anything else is built.
 
+mod build;
+mod check;
 mod error;
 mod file;
 mod keys;
+mod memory;
 mod mesh;
 mod parts;
+mod place;
+mod read;
 mod shipped;
-mod validate;
+mod words;
 
-use std::ops::Range;
 use std::path::Path;
 
 use miette::NamedSource;
 
 pub use error::{Problem, SceneError};
-pub use keys::KEYS;
 pub use mesh::MeshSource;
 pub use parts::Part;
 pub use shipped::{Expectation, SHIPPED, Shipped};
+pub use words::{ExteriorName, LawName, LinearizationName, LocalModelName, Rings, SchemeName};
 
-use crate::contact::surface::ContactSurface;
-use crate::contact::tick::ContactRules;
-use crate::device::instrument::{InstrumentError, InstrumentKind, TipPath};
-use crate::dynamics::global::SyncMode;
-use crate::dynamics::integrators::{GlobalIntegrator, Threads};
-use crate::dynamics::settle::SettleError;
-use crate::model::local::LocalSettings;
+use place::nearest;
+
+use crate::contact::rules::ContactRules;
+use crate::device::instrument::InstrumentKind;
+use crate::device::path::TipPath;
+use crate::dynamics::constraint::Threads;
+use crate::dynamics::integrators::GlobalIntegrator;
+use crate::local::model::LocalSettings;
+use crate::local::step::LocalIntegrator;
 use crate::model::network::Material;
-use crate::model::step::LocalIntegrator;
-use crate::timeline::{Costs, Deadline, DrawnTimes, Timeline};
+use crate::multirate::global::SyncMode;
+use crate::multirate::timeline::{Costs, Deadline, DrawnTimes, Timeline};
+use crate::surface::geometry::ContactSurface;
+use crate::word::words;
 
-/// A checked scene: every value is finite and in range, and every key has an effect.
+/// `local.rate` where none is given.
+const DEFAULT_LOCAL_RATE_HZ: f64 = 1000.0;
+/// `global.rate` where none is given.
+const DEFAULT_GLOBAL_RATE_HZ: f64 = 10.0;
+
+/// What is simulated. Fields that stand by themselves are public; what follows from others has a method, so that no two
+/// can contradict. Settings that do not go together are found by [`check`](Self::check), which reading, building and
+/// [`Simulation::prepare`](crate::pipeline::Simulation::prepare) all call.
 ///
 /// ```
 /// use stickslip::scene::Scene;
 /// let scene = Scene::shipped("fig5-stick-slip").expect("shipped with the program");
-/// assert_eq!((scene.tick_count, scene.ticks_per_cycle), (1200, 100));
+/// assert_eq!((scene.tick_count(), scene.ticks_per_cycle(), scene.duration_s()), (1200, 100, 1.2));
 /// let error = Scene::parse("name = 'x'\nduraton = 1.0", "x.toml".as_ref()).unwrap_err();
 /// assert!(error.to_string().contains("unknown field `duraton`"));
 /// ```
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct Scene {
-    /// Names the output folder.
+    /// Letters, digits, `-`, `_` and `.`, starting with a letter or digit: the name of the output folder.
     pub name: String,
-    /// s.
-    pub duration: f64,
-    /// Ticks of the local loop in the duration.
-    pub tick_count: u64,
-    /// h, s.
-    pub tick: f64,
-    /// Local rate / global rate.
-    pub ticks_per_cycle: u32,
     /// Where the mesh comes from.
     pub mesh: MeshSource,
-    /// Which nodes never move.
+    /// Whether each node never moves.
     pub fixed: Vec<bool>,
     /// Masses, springs, gravity and drag.
     pub material: Material,
     /// Whether the network is brought into equilibrium under gravity before t = 0.
     pub settle: bool,
-    /// The global cycle.
+    /// Integration of the network, and what it takes in from the local model.
     pub global: GlobalSettings,
-    /// `model = "full"`: the whole network runs at the local rate.
-    pub is_full: bool,
-    /// The local model.
-    pub local: LocalSettings,
-    /// How the local model is integrated.
+    /// Integrator of the local model.
     pub integrator: LocalIntegrator,
-    /// Which surface the tip feels.
+    /// The surface that the tip touches.
     pub surface: ContactSurface,
-    /// The contact.
+    /// Law, scheme and rigid wall of the contact.
     pub contact: ContactRules,
     /// What kind of instrument there is.
     pub instrument: InstrumentKind,
-    /// What leads it: the tip, or what the hand of a device aims at.
+    /// Path of the tip, or of what the hand of a device aims at.
     pub path: TipPath,
     /// Ticks over which the force's jump at a hand-over fades.
     pub smoothing_ticks: u32,
-    /// Whether it runs in virtual or in real time.
+    /// Lockstep in virtual time, or threads in real time.
     pub schedule: Schedule,
-    /// Of every tick.
+    /// Deadline of every tick.
     pub deadline: Deadline,
-    /// What computing takes in virtual time; nothing if absent.
+    /// Computing times in virtual time; without any, computing takes no time.
     pub costs: Option<Costs>,
-    /// What is accepted but may not be meant.
-    pub warnings: Vec<String>,
-    source: Source,
+    local_rate_hz: f64,
+    ticks_per_cycle: u32,
+    tick_count: u64,
+    /// `model = "full"`: `local` is then [`LocalSettings::FULL`].
+    is_full: bool,
+    local: LocalSettings,
+    /// The text that it was read from, kept for errors that only show when it is put together.
+    source: Option<NamedSource<String>>,
 }
 
-/// Who waits for whom.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// Lockstep in virtual time, or threads in real time.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Schedule {
     /// The two sides take turns in virtual time.
+    #[default]
     Lockstep,
     /// Real time, a thread each; the servo thread never waits.
     Threads,
 }
 
+words!(Schedule { Lockstep = "lockstep", Threads = "threads" });
+
 /// The global side of a scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct GlobalSettings {
-    /// Hz.
-    pub rate: f64,
     /// How the full model is integrated.
     pub integrator: GlobalIntegrator,
     /// Equal steps per cycle.
     pub substeps: u32,
-    /// Threads that share them.
+    /// Threads that share the steps.
     pub threads: Threads,
-    /// How it takes in the local model's cycle.
+    /// How the network takes in the local model's cycle.
     pub sync: SyncMode,
     /// Ticks from the state a model is built from to its first use.
     pub latency_ticks: u32,
 }
 
-/// Where a scene came from, kept for errors that only show when it is put together.
-#[derive(Debug, Clone)]
-struct Source {
-    text: NamedSource<String>,
-    instrument: Range<usize>,
-    mesh: Range<usize>,
-    settle: Option<Range<usize>>,
+impl Default for GlobalSettings {
+    /// Those of a scene file without `[global]` and `[sync]`.
+    fn default() -> Self {
+        Self {
+            integrator: GlobalIntegrator::default(),
+            substeps: 100,
+            threads: Threads::One,
+            sync: SyncMode::default(),
+            latency_ticks: 0,
+        }
+    }
 }
 
 impl Scene {
@@ -130,11 +145,14 @@ impl Scene {
     /// If the file is missing or not a scene; with file, line, column and what is accepted.
     pub fn load(path: &Path) -> Result<Self, SceneError> {
         let text = std::fs::read_to_string(path).map_err(|error| {
-            let names: Vec<&str> = SHIPPED.iter().map(|shipped| shipped.name).collect();
-            SceneError::unplaced(
-                Problem::Unreadable { path: path.to_owned(), error },
-                &format!("give the path of a scene file, or the name of a shipped scene: {}", names.join(", ")),
-            )
+            let names = SHIPPED.iter().map(|shipped| shipped.name);
+            let meant = path.to_str().and_then(|name| nearest(name, names.clone()));
+            let meant = meant.map_or(String::new(), |name| format!("did you mean `{name}`? "));
+            let help = format!(
+                "{meant}give the path of a scene file, or the name of a shipped scene: {}",
+                names.collect::<Vec<_>>().join(", ")
+            );
+            SceneError::new(Problem::Unreadable { path: path.to_owned(), error }, None).with_help(help)
         })?;
         Self::parse(&text, path)
     }
@@ -144,7 +162,7 @@ impl Scene {
     /// # Errors
     /// As [`load`](Self::load).
     pub fn parse(text: &str, path: &Path) -> Result<Self, SceneError> {
-        validate::scene(text, path)
+        read::scene(text, path)
     }
 
     /// A scene that comes with the program, by name.
@@ -153,18 +171,67 @@ impl Scene {
         Self::parse(shipped.text, Path::new(name)).ok()
     }
 
-    /// Where it was read from; of a shipped one, its name.
-    pub fn path_name(&self) -> &Path {
-        Path::new(self.source.text.name())
-    }
-
-    /// The same with another rate of the local loop, Hz. A deadline of a whole tick stays one.
+    /// Whether every setting is in range and goes together with the others.
     ///
     /// # Errors
-    /// If the duration is no whole number of its ticks, the global rate does not divide it, or the scene's deadline is
-    /// longer than its tick.
-    pub fn at_rate(self, rate_hz: f64) -> Result<Self, SceneError> {
-        validate::at_rate(self, rate_hz)
+    /// With the first setting that does not, by its key in scene files.
+    pub fn check(&self) -> Result<(), SceneError> {
+        check::check(self).map_err(|problem| SceneError::new(problem, None))
+    }
+
+    /// h, s: a tick of the local loop.
+    pub fn tick_s(&self) -> f64 {
+        1.0 / self.local_rate_hz
+    }
+
+    /// Ticks from the start to the end.
+    pub fn tick_count(&self) -> u64 {
+        self.tick_count
+    }
+
+    /// Time from the start to the end, s.
+    pub fn duration_s(&self) -> f64 {
+        self.tick_count as f64 / self.local_rate_hz
+    }
+
+    /// Rate of the local loop, Hz.
+    pub fn local_rate_hz(&self) -> f64 {
+        self.local_rate_hz
+    }
+
+    /// Rate of global cycles, Hz.
+    pub fn global_rate_hz(&self) -> f64 {
+        self.local_rate_hz / f64::from(self.ticks_per_cycle)
+    }
+
+    /// Ticks of the local loop in a global cycle.
+    pub fn ticks_per_cycle(&self) -> u32 {
+        self.ticks_per_cycle
+    }
+
+    /// The local model; [`LocalSettings::FULL`] if there is none.
+    pub fn local(&self) -> LocalSettings {
+        self.local
+    }
+
+    /// Whether the whole network runs at the local rate, without cycles or local models.
+    pub fn is_full(&self) -> bool {
+        self.is_full
+    }
+
+    /// What is accepted but may not be meant.
+    pub fn warnings(&self) -> Vec<String> {
+        self.mesh.warnings(&self.fixed)
+    }
+
+    /// The path that it was read from, or the name of a scene that was shipped or built.
+    pub fn path_name(&self) -> &Path {
+        Path::new(self.source.as_ref().map_or(&*self.name, |source| source.name()))
+    }
+
+    /// The TOML that it was read from; none if it was built.
+    pub fn text(&self) -> Option<&str> {
+        self.source.as_ref().map(|source| source.inner().as_str())
     }
 
     /// When its models arrive and which of its ticks are late, in virtual time.
@@ -173,45 +240,20 @@ impl Scene {
         match &self.costs {
             None => Timeline::Ideal { latency },
             Some(costs) => {
-                let cycle_ticks = u64::from(self.ticks_per_cycle);
+                let ticks_per_cycle = u64::from(self.ticks_per_cycle);
                 Timeline::Drawn(Box::new(DrawnTimes::new(
                     costs.clone(),
                     self.deadline,
-                    self.tick,
-                    cycle_ticks,
+                    self.tick_s(),
+                    ticks_per_cycle,
                     latency,
                 )))
             }
         }
     }
 
-    /// Its TOML.
-    pub fn text(&self) -> &str {
-        self.source.text.inner()
-    }
-
-    pub(crate) fn mesh_error(&self, problem: Problem) -> SceneError {
-        SceneError::at(problem, self.source.text.clone(), Some(self.source.mesh.clone()))
-    }
-
-    pub(crate) fn settle_error(&self, error: SettleError) -> SceneError {
-        let help = match error {
-            SettleError::Floating { .. } => "fix nodes of every piece with `mesh.fixed`, or leave out `settle`",
-            SettleError::NotSettled { .. } => {
-                "give a stiffer material, more fixed nodes or less `material.gravity`, or leave out `settle`"
-            }
-        };
-        SceneError::at(Problem::Settle(error), self.source.text.clone(), self.source.settle.clone()).with_help(help)
-    }
-
-    pub(crate) fn instrument_error(&self, error: InstrumentError) -> SceneError {
-        let (problem, span) = (Problem::Instrument { key: "instrument", error }, self.source.instrument.clone());
-        SceneError::at(problem, self.source.text.clone(), Some(span))
-    }
-
-    pub(crate) fn tip_inside(&self, depth_m: f64) -> SceneError {
-        let span = self.source.instrument.clone();
-        SceneError::at(Problem::TipInside { depth_m }, self.source.text.clone(), Some(span))
-            .with_help("start the tip outside: the first waypoint decides where it is at t = 0")
+    /// A problem that only shows when the scene is put together, with its place in the text if there is one.
+    pub(crate) fn error(&self, problem: Problem) -> SceneError {
+        SceneError::new(problem, self.source.as_ref())
     }
 }

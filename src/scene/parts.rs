@@ -2,23 +2,26 @@
 
 use std::fmt;
 
+use super::words::{All, ExteriorName, InstrumentName, LawName, LinearizationName, LocalModelName, SchemeName};
 use super::{Scene, Schedule};
 use crate::Vec3;
 use crate::contact::law::Law;
-use crate::contact::operators::Metric;
-use crate::contact::surface::ContactSurface;
-use crate::contact::tick::Scheme;
+use crate::contact::rules::Scheme;
 use crate::device::instrument::InstrumentKind;
-use crate::dynamics::global::SyncMode;
-use crate::dynamics::integrators::{GlobalIntegrator, Threads};
-use crate::model::condensation::{Condensation, FarField, Reach};
-use crate::model::local::{ExteriorKind, Linearization};
+use crate::dynamics::constraint::Threads;
+use crate::dynamics::integrators::GlobalIntegrator;
+use crate::local::condensation::{Condensation, FarField, Reach};
+use crate::local::model::{ExteriorKind, Linearization};
+use crate::local::patch::Extent;
+use crate::local::step::LocalIntegrator;
 use crate::model::material::PerSpring;
-use crate::model::patch::Extent;
-use crate::model::step::LocalIntegrator;
+use crate::multirate::global::SyncMode;
+use crate::surface::geometry::ContactSurface;
+use crate::surface::support::Metric;
 
 /// A part of the pipeline that not every scene needs.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Part {
     /// What it is.
     pub name: &'static str,
@@ -38,53 +41,35 @@ impl Scene {
     /// Every optional part, with what decides whether this scene has it.
     pub fn parts(&self) -> Vec<Part> {
         let part = |name, needed, because: String| Part { name, needed, because };
-        let law = match self.contact.law {
-            Law::Sliding => "sliding",
-            Law::Sticking => "sticking",
-            Law::StickSlip { .. } => "stick-slip",
+        let is = |key: &str, word: &str| format!("{key} = {word:?}");
+        let local = self.local();
+        let law_is = is("contact.law", LawName::of(self.contact.law).map_or("own", LawName::name));
+        let model = if self.is_full() { LocalModelName::Full } else { LocalModelName::Patch };
+        let model_is = is("local.model", model.name());
+        let linearization_is = is("local.linearization", LinearizationName::from(local.linearization).name());
+        let exterior_is = is("local.exterior", ExteriorName::from(local.exterior).name());
+        let drifts = local.exterior == ExteriorKind::Drifting;
+        let condenses = matches!(local.exterior, ExteriorKind::Condensed(_));
+        let (coarsens, far_field_is) = match local.exterior {
+            ExteriorKind::Condensed(Condensation { reach: Reach::Rings { far_field, .. }, .. }) => {
+                (far_field == FarField::Coarse, is("local.far_field", far_field.name()))
+            }
+            ExteriorKind::Condensed(_) => (false, is("local.condense_rings", All::All.name())),
+            ExteriorKind::Fixed | ExteriorKind::Drifting => (false, exterior_is.clone()),
         };
-        let law_is = format!("contact.law = {law:?}");
-        let model = if self.is_full { "local.model = \"full\"" } else { "local.model = \"patch\"" };
-        let (linear, linear_is) = match self.local.linearization {
-            _ if self.is_full => (false, model),
-            Linearization::Tangent(_) => (true, "local.linearization = \"tangent\""),
-            Linearization::None => (false, "local.linearization = \"none\""),
-        };
-        let exterior_is = match self.local.exterior {
-            ExteriorKind::Fixed => "local.exterior = \"fixed\"",
-            ExteriorKind::Drifting => "local.exterior = \"drifting\"",
-            ExteriorKind::Condensed(_) => "local.exterior = \"condensed\"",
-        };
-        let drifts = self.local.exterior == ExteriorKind::Drifting;
-        let condenses = matches!(self.local.exterior, ExteriorKind::Condensed(_));
-        let (coarsens, far_field_is) = match self.local.exterior {
-            ExteriorKind::Condensed(Condensation { reach: Reach::Rings { far_field, .. }, .. }) => match far_field {
-                FarField::Fixed => (false, "local.far_field = \"fixed\""),
-                FarField::Coarse => (true, "local.far_field = \"coarse\""),
-            },
-            ExteriorKind::Condensed(_) => (false, "local.condense_rings = \"all\""),
-            ExteriorKind::Fixed | ExteriorKind::Drifting => (false, exterior_is),
-        };
-        let takes_all = self.local.extent == Extent::All;
+        let takes_all = local.extent == Extent::All;
         let (replays, sync_is) = match self.global.sync {
-            _ if takes_all => (false, "the local model takes every free node"),
-            SyncMode::Replay => (true, "sync.mode = \"replay\""),
-            SyncMode::Overwrite => (false, "sync.mode = \"overwrite\""),
+            _ if takes_all => (false, "the local model takes every free node".to_owned()),
+            sync => (sync == SyncMode::Replay, is("sync.mode", sync.name())),
         };
-        let surface_is = match self.surface {
-            ContactSurface::Faceted => "contact.surface = \"faceted\"",
-            ContactSurface::Shaded => "contact.surface = \"shaded\"",
-            ContactSurface::Subdivision => "contact.surface = \"subdivision\"",
-        };
-        let (is_velocity, scheme_is) = match self.contact.scheme {
-            Scheme::Geometric { .. } => (false, "contact.scheme = \"geometric\""),
-            Scheme::Velocity => (true, "contact.scheme = \"velocity\""),
-        };
+        let surface_is = is("contact.surface", self.surface.name());
+        let is_velocity = self.contact.scheme == Scheme::Velocity;
+        let scheme_is = is("contact.scheme", SchemeName::from(self.contact.scheme).name());
         let (weighted, metric_is) = match self.contact.scheme {
-            Scheme::Velocity => (true, scheme_is),
-            Scheme::Geometric { metric: Metric::Euclidean, .. } => (false, "contact.metric = \"euclidean\""),
-            Scheme::Geometric { metric: Metric::Mass, .. } => (true, "contact.metric = \"mass\""),
+            Scheme::Velocity => (true, scheme_is.clone()),
+            Scheme::Geometric { metric, .. } => (metric == Metric::Mass, is("contact.metric", metric.name())),
         };
+        let schedule_is = is("run.schedule", self.schedule.name());
         let device = match &self.instrument {
             InstrumentKind::Path => None,
             InstrumentKind::Phantom(settings) => Some(settings),
@@ -111,37 +96,41 @@ impl Scene {
             part(
                 "sticking operator P",
                 !is_velocity && self.contact.law != Law::Sliding,
-                if is_velocity { scheme_is.to_owned() } else { law_is.clone() },
+                if is_velocity { scheme_is.clone() } else { law_is.clone() },
             ),
             part(
                 "sliding operator Q",
                 !is_velocity && self.contact.law != Law::Sticking,
-                if is_velocity { scheme_is.to_owned() } else { law_is },
+                if is_velocity { scheme_is.clone() } else { law_is },
             ),
-            part("mass metric", weighted, metric_is.to_owned()),
-            part("deformation of the mesh to the tip", !is_velocity, scheme_is.to_owned()),
-            part("rewind to the time of collision", !is_velocity, scheme_is.to_owned()),
-            part("vertex normals", self.surface == ContactSurface::Shaded, surface_is.to_owned()),
-            part("subdivision tables", self.surface == ContactSurface::Subdivision, surface_is.to_owned()),
-            part("linearisation (K, D)", linear, linear_is.to_owned()),
+            part("mass metric", weighted, metric_is),
+            part("deformation of the mesh to the tip", !is_velocity, scheme_is.clone()),
+            part("rewind to the time of collision", !is_velocity, scheme_is),
+            part("vertex normals", self.surface == ContactSurface::Shaded, surface_is.clone()),
+            part("subdivision tables", self.surface == ContactSurface::Subdivision, surface_is),
+            part(
+                "linearisation (K, D)",
+                !self.is_full() && local.linearization != Linearization::None,
+                if self.is_full() { model_is.clone() } else { linearization_is },
+            ),
             part(
                 "solution of the linear model over a tick (A⁻¹)",
                 self.integrator != LocalIntegrator::SemiImplicitEuler,
-                format!("local.integrator = {:?}", self.integrator.name()),
+                is("local.integrator", self.integrator.name()),
             ),
             part(
                 "exterior at rest or moving",
                 !takes_all,
-                if self.is_full { model.to_owned() } else { format!("local.rings: {:?}", self.local.extent) },
+                if self.is_full() { model_is } else { format!("local.rings: {:?}", local.extent) },
             ),
-            part("exterior drift", drifts && !takes_all, exterior_is.to_owned()),
-            part("condensation (sparse factorisation)", condenses && !takes_all, exterior_is.to_owned()),
-            part("coarse far field", coarsens && !takes_all, far_field_is.to_owned()),
-            part("replay of the patch's path", replays, sync_is.to_owned()),
+            part("exterior drift", drifts && !takes_all, exterior_is.clone()),
+            part("condensation (sparse factorisation)", condenses && !takes_all, exterior_is),
+            part("coarse far field", coarsens && !takes_all, far_field_is),
+            part("replay of the patch's path", replays, sync_is),
             part(
                 "sparse factorisation of the network",
-                self.global.integrator == GlobalIntegrator::ImplicitEuler && !self.is_full,
-                format!("global.integrator = {:?}", self.global.integrator.name()),
+                self.global.integrator == GlobalIntegrator::ImplicitEuler && !self.is_full(),
+                is("global.integrator", self.global.integrator.name()),
             ),
             part("second thread for the network", self.global.threads == Threads::Two, "global.threads = 1".to_owned()),
             part(
@@ -154,11 +143,7 @@ impl Scene {
                 self.costs.is_some(),
                 "there is no `timing.tick_cost` and no `timing.model_cost`".to_owned(),
             ),
-            part(
-                "threads and the real clock",
-                self.schedule == Schedule::Threads,
-                "run.schedule = \"lockstep\"".to_owned(),
-            ),
+            part("threads and the real clock", self.schedule == Schedule::Threads, schedule_is),
             part(
                 "smoothing of forces at hand-overs",
                 self.smoothing_ticks > 0,
@@ -167,7 +152,9 @@ impl Scene {
             part(
                 "haptic device in a hand",
                 device.is_some(),
-                device.map_or("the instrument follows a path", |_| "instrument.kind = \"phantom-1.5\"").to_owned(),
+                device.map_or("the instrument follows a path".to_owned(), |_| {
+                    is("instrument.kind", InstrumentName::Phantom.name())
+                }),
             ),
             part(
                 "virtual coupling",

@@ -186,7 +186,9 @@ impl Baseline {
 impl Provenance {
     /// Of what this program computes on this machine from a scene.
     pub fn of(scene: &Scene) -> Self {
-        let hash = Sha256::digest(scene.text().as_bytes());
+        // A scene that was built has no text of its own but what Rust prints of it.
+        let text = scene.text().map_or_else(|| format!("{scene:?}"), str::to_owned);
+        let hash = Sha256::digest(text.as_bytes());
         Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             scene_sha256: hash.iter().map(|byte| format!("{byte:02x}")).collect(),

@@ -10,13 +10,12 @@ use serde::Serialize;
 
 use crate::Vec3;
 use crate::contact::law::Law;
-use crate::contact::surface::ContactSurface;
-use crate::contact::tick::Scheme;
-use crate::device::failsafe::{Cause, Fault};
-use crate::model::local::LocalSettings;
+use crate::contact::rules::Scheme;
 use crate::model::mesh::{Block, Mesh, Stencil};
-use crate::pipeline::Simulation;
+use crate::multirate::failsafe::{Cause, Fault};
+use crate::pipeline::{OwnParts, Simulation};
 use crate::scene::{MeshSource, Scene, SceneError};
+use crate::surface::geometry::ContactSurface;
 use crate::verify::accuracy::Method;
 
 use self::watch::Watch;
@@ -85,8 +84,10 @@ pub enum FaultKind {
     Runaway,
     /// [`Cause::NoModel`].
     NoModel,
-    /// [`Cause::Device`].
+    /// [`Cause::Device`] or [`Cause::Instrument`].
     Device,
+    /// [`Cause::Renderer`].
+    Renderer,
 }
 
 impl FaultKind {
@@ -96,7 +97,8 @@ impl FaultKind {
             Cause::StateNotFinite { .. } => Self::StateNotFinite,
             Cause::Runaway { .. } => Self::Runaway,
             Cause::NoModel(_) => Self::NoModel,
-            Cause::Device(_) => Self::Device,
+            Cause::Device(_) | Cause::Instrument(_) => Self::Device,
+            Cause::Renderer(_) => Self::Renderer,
         }
     }
 }
@@ -222,6 +224,7 @@ impl fmt::Display for Expected {
             Expected::Fault(FaultKind::Runaway) => f.write_str("fault: runaway"),
             Expected::Fault(FaultKind::NoModel) => f.write_str("fault: no model"),
             Expected::Fault(FaultKind::Device) => f.write_str("fault: device out of range"),
+            Expected::Fault(FaultKind::Renderer) => f.write_str("fault: renderer failed"),
             Expected::Refused(words) => write!(f, "error: {words}"),
         }
     }
@@ -349,7 +352,8 @@ impl Extreme {
             Some(reshape) => reshape(&mut scene),
             None => scene.mesh.mesh(),
         };
-        let simulation = Simulation::assemble(&scene, &mesh).map_err(|error| Got::Refused(error.to_string()))?;
+        let simulation = Simulation::prepare_with(&scene, OwnParts { mesh: Some(mesh.clone()), ..OwnParts::default() })
+            .map_err(|error| Got::Refused(error.to_string()))?;
         let mut watch = Watch::new(&scene, &mesh);
         simulation.run(|view| watch.see(view)).map_err(Got::Fault)?;
         Ok(watch)
@@ -481,14 +485,13 @@ fn pressed_at_the_end_whole(scene: &mut Scene) {
 
 /// The whole network at the local rate.
 fn whole(scene: &mut Scene) {
-    (scene.local, scene.is_full) = (LocalSettings::FULL, true);
+    *scene = scene.clone().with_full_model();
 }
 
 /// The same length of substeps in shorter cycles.
 fn updated_more_often(scene: &mut Scene) {
-    scene.global.rate *= f64::from(AGE_RATIO);
     scene.global.substeps /= AGE_RATIO;
-    scene.ticks_per_cycle /= AGE_RATIO;
+    *scene = scene.clone().with_ticks_per_cycle(scene.ticks_per_cycle() / AGE_RATIO);
 }
 
 fn sliding(scene: &mut Scene) {
@@ -503,6 +506,5 @@ fn sticking(scene: &mut Scene) {
 fn softer_and_slower(scene: &mut Scene) {
     scene.material.stiffness /= 1e6;
     scene.material.damping /= 1e3;
-    scene.tick *= 1e3;
-    scene.path = scene.path.transformed(1e3, |x| x);
+    *scene = scene.clone().with_slower_time(1e3);
 }

@@ -4,11 +4,11 @@
 use serde::Serialize;
 
 use crate::Vec3;
-use crate::device::failsafe::Fault;
+use crate::multirate::failsafe::Fault;
+use crate::multirate::timeline::{Cost, Costs, DrawnTimes, Fate, OverrunPolicy, Timeline};
 use crate::output::measures::ContactMeasures;
 use crate::pipeline::{RunError, Simulation};
 use crate::scene::Scene;
-use crate::timeline::{Cost, Costs, DrawnTimes, Fate, OverrunPolicy, Timeline};
 
 /// Shares of ticks that are late.
 pub const SHARES: [f64; 3] = [0.001, 0.01, 0.1];
@@ -108,8 +108,7 @@ impl Run {
 /// ```
 /// use stickslip::{scene::Scene, verify::lateness::{SHARES, consequences}};
 ///
-/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// scene.tick_count = 200;
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(200);
 /// let consequences = consequences(&scene)?;
 /// assert_eq!(consequences.on_time.force_error_rms_rel, Some(0.0));
 /// assert_eq!(consequences.late.len(), 3 * SHARES.len()); // hold, zero, skip
@@ -126,12 +125,12 @@ pub fn consequences(scene: &Scene) -> Result<Consequences, RunError> {
     let mut late = Vec::new();
     for overrun in POLICIES {
         for share in SHARES {
-            let tick = Cost::Rare { usual: 0.0, rare: LATE_TICKS * scene.tick, share };
+            let tick = Cost::Rare { usual: 0.0, rare: LATE_TICKS * scene.tick_s(), share };
             let costs = Costs { tick, model: Cost::Constant(0.0), seed: SEED };
             let mut deadline = scene.deadline;
             deadline.overrun = overrun;
-            let cycle_ticks = u64::from(scene.ticks_per_cycle);
-            let drawn = DrawnTimes::new(costs, deadline, scene.tick, cycle_ticks, latency);
+            let ticks_per_cycle = u64::from(scene.ticks_per_cycle());
+            let drawn = DrawnTimes::new(costs, deadline, scene.tick_s(), ticks_per_cycle, latency);
             let run = run(scene, Timeline::Drawn(Box::new(drawn)))?;
             late.push(run.consequence(overrun, share, &forces));
         }

@@ -10,13 +10,14 @@ use super::residual::{self, larger};
 use super::surfaces::SCHEMES;
 use crate::Vec3;
 use crate::contact::law::Law;
-use crate::contact::tick::Scheme;
-use crate::device::instrument::{PathError, TipPath, Waypoint};
-use crate::dynamics::integrators::{GlobalIntegrator, Stepper, Unconstrained};
+use crate::contact::rules::Scheme;
+use crate::device::path::{PathError, TipPath, Waypoint};
+use crate::dynamics::constraint::Unconstrained;
+use crate::dynamics::integrators::{GlobalIntegrator, Stepper};
+use crate::local::step::LocalIntegrator;
 use crate::model::network::{Network, NetworkError};
-use crate::model::step::LocalIntegrator;
 use crate::pipeline::{self, RunError, TickView};
-use crate::scene::{Scene, SceneError};
+use crate::scene::{Scene, SceneError, SchemeName};
 
 /// One linear local model of the whole block, which lasts for the whole motion.
 const SCENE: &str = r#"
@@ -178,9 +179,11 @@ pub fn observe(case: Case) -> Result<ObservedOrder, OrderError> {
     let line = (!(differences[0] <= EXACT_BELOW)).then(|| line(differences));
     let (order, residual) = line.unzip();
     let (integrator, scheme, law) = match case {
-        Case::Local(integrator, scheme, motion) => {
-            (integrator.name().to_owned(), (motion != Motion::Free).then(|| scheme.name()), motion.name())
-        }
+        Case::Local(integrator, scheme, motion) => (
+            integrator.name().to_owned(),
+            (motion != Motion::Free).then(|| SchemeName::from(scheme).name()),
+            motion.name(),
+        ),
         Case::Global(integrator) => (format!("global {}", integrator.name()), None, Motion::Free.name()),
     };
     let momentum_defect = match case {
@@ -197,14 +200,14 @@ pub fn observe(case: Case) -> Result<ObservedOrder, OrderError> {
 /// If the run ends early.
 ///
 /// ```
-/// use stickslip::contact::{surface::ContactSurface, tick::Scheme};
+/// use stickslip::{contact::rules::Scheme, surface::geometry::ContactSurface};
 /// use stickslip::{scene::Scene, verify::{orders::momentum_defect, surfaces::whole}};
 ///
 /// // A block that nothing holds, pushed away by the tip: action and reaction.
 /// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
 /// let mut scene = whole(&scene, ContactSurface::Faceted, Scheme::Velocity);
 /// scene.fixed.fill(false);
-/// scene.tick_count = 120;
+/// scene = scene.with_ticks(120);
 /// assert!(momentum_defect(&scene)? < 1e-11);
 /// # Ok::<(), stickslip::pipeline::RunError>(())
 /// ```
@@ -212,7 +215,7 @@ pub fn momentum_defect(scene: &Scene) -> Result<f64, RunError> {
     let mut impulse = Vec3::zeros();
     let (mut largest, mut defect) = (0.0_f64, 0.0_f64);
     pipeline::run(scene, |view| {
-        impulse -= view.force * scene.tick;
+        impulse -= view.force * scene.tick_s();
         let nodes = view.local.model().patch.mass.iter().zip(&view.local.state().v);
         let momentum: Vec3 = nodes.map(|(mass, v)| v * *mass).sum();
         largest = larger(largest, momentum.norm());
@@ -242,10 +245,8 @@ fn distance(a: &[Vec3], b: &[Vec3]) -> f64 {
 fn scene(integrator: LocalIntegrator, scheme: Scheme, motion: Motion, divisor: u32) -> Result<Scene, OrderError> {
     let mut scene = Scene::parse(SCENE, Path::new("orders"))?;
     (scene.integrator, scene.contact.scheme) = (integrator, scheme);
-    scene.tick /= f64::from(divisor);
-    scene.tick_count *= u64::from(divisor);
-    // One cycle is longer than the motion.
-    scene.ticks_per_cycle *= divisor;
+    let rate_hz = scene.local_rate_hz() * f64::from(divisor);
+    let mut scene = scene.with_local_rate_hz(rate_hz)?;
     match motion {
         Motion::Free => scene.material.gravity = Vec3::z() * -GRAVITY,
         Motion::Sliding => scene.contact.law = Law::Sliding,
@@ -295,7 +296,7 @@ fn local_positions(
     let scene = scene(integrator, scheme, motion, divisor)?;
     let mut end = Vec::new();
     pipeline::run(&scene, |view: &TickView| {
-        if view.tick + 1 == scene.tick_count {
+        if view.tick + 1 == scene.tick_count() {
             end.clone_from(&view.local.state().x);
         }
     })?;
@@ -310,8 +311,8 @@ fn global_positions(integrator: GlobalIntegrator, divisor: u32) -> Result<(Vec<V
     let network = Network::new(&scene.mesh.mesh(), &scene.material, scene.fixed.clone())?;
     let mut state = network.rest_state();
     let mut stepper = Stepper::new(&network);
-    for _ in 0..scene.tick_count {
-        stepper.step(integrator, &network, &mut state, scene.tick, &Unconstrained);
+    for _ in 0..scene.tick_count() {
+        stepper.step(integrator, &network, &mut state, scene.tick_s(), &Unconstrained);
     }
     Ok((network.rest, state.x))
 }

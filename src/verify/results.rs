@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::value::RawValue;
 
-use crate::device::failsafe::{Cause, Fault};
+use crate::multirate::failsafe::{Cause, Fault};
 use crate::output::summary::{Recorder, Summary};
 use crate::pipeline::{Simulation, TickView};
 use crate::scene::{Scene, SceneError};
@@ -111,8 +111,8 @@ pub struct KeptTick {
 /// ```
 /// use stickslip::{scene::Scene, verify::results::Results};
 ///
-/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// scene.tick_count = 150; // the tip comes down at 25 mm/s from 2 mm
+/// // the tip comes down at 25 mm/s from 2 mm
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let mut results = Results::of(&scene, |_| ())?;
 /// assert_eq!((results.counts["free_ticks"], results.counts["collisions"]), (80, 1));
 /// assert_eq!(results.counts["free_ticks"] + results.counts["slide_ticks"], 150);
@@ -162,7 +162,7 @@ impl Results {
     pub fn of(scene: &Scene, mut progress: impl FnMut(u64)) -> Result<Self, SceneError> {
         let simulation = Simulation::prepare(scene)?;
         let mut recorder = Recorder::default();
-        let mut columns = vec![Vec::with_capacity(scene.tick_count as usize); QUANTITIES.len()];
+        let mut columns = vec![Vec::with_capacity(scene.tick_count() as usize); QUANTITIES.len()];
         let mut trace = Vec::new();
         let mut last = None;
         let fault = simulation
@@ -241,7 +241,8 @@ fn cause(fault: &Fault) -> &'static str {
         Cause::ForceNotFinite => "the contact force is not finite",
         Cause::StateNotFinite { .. } => "the state is not finite",
         Cause::NoModel(_) => "no local model could be built",
-        Cause::Device(_) => "the instrument left the range in which it can be simulated",
+        Cause::Renderer(_) => "the renderer failed",
+        Cause::Instrument(_) | Cause::Device(_) => "the instrument left the range in which it can be simulated",
         Cause::Runaway { .. } => "a node ran away",
     }
 }

@@ -7,13 +7,14 @@ use serde::Serialize;
 use thiserror::Error;
 
 use self::subject::{ON_THE_CIRCLE, Subject};
-use crate::contact::tick::Scheme;
-use crate::model::condensation::{Condensation, Reach};
-use crate::model::local::{ExteriorKind, ModelError};
+use crate::contact::rules::Scheme;
+use crate::local::condensation::{Condensation, Reach};
+use crate::local::error::ModelError;
+use crate::local::model::ExteriorKind;
+use crate::local::step::LocalIntegrator;
 use crate::model::network::NetworkError;
 use crate::model::springs::TangentKind;
-use crate::model::step::LocalIntegrator;
-use crate::scene::Scene;
+use crate::scene::{Scene, SchemeName};
 
 /// Steps that are tried, s.
 const SHORTEST: f64 = 1e-9;
@@ -167,7 +168,7 @@ pub enum MapError {
 /// If the scene's tip does not start above a patch that can be pressed.
 ///
 /// ```
-/// use stickslip::model::step::LocalIntegrator;
+/// use stickslip::local::step::LocalIntegrator;
 /// use stickslip::scene::Scene;
 /// use stickslip::verify::stability_map::{Axis, EXTERIORS, MapPoint, boundaries};
 ///
@@ -198,7 +199,7 @@ pub fn boundaries(scene: &Scene, point: &MapPoint) -> Result<[Boundary; 2], MapE
         let reason = if agrees { None } else { model.reason(touching, measured_s, predicted_s) };
         Boundary {
             integrator: point.integrator.name(),
-            scheme: scheme(scene, point.integrator).name(),
+            scheme: SchemeName::from(scheme(scene, point.integrator)).name(),
             exterior: point.exterior.0,
             touching,
             axis: point.axis,

@@ -5,17 +5,15 @@ use serde::Serialize;
 
 use crate::Vec3;
 use crate::contact::law::Law;
-use crate::contact::operators::Metric;
-use crate::contact::surface::ContactSurface;
-use crate::contact::tick::{Deformation, Scheme};
-use crate::dynamics::energy::EnergyBook;
-use crate::model::local::LocalSettings;
+use crate::contact::rules::{Deformation, Scheme};
 use crate::model::mesh::Block;
-use crate::model::step::LocalIntegrator;
+use crate::multirate::energy::EnergyBook;
 use crate::output::measures::ContactMeasures;
 use crate::output::spectrum::power_above;
 use crate::pipeline::{self, RunError};
 use crate::scene::{MeshSource, Scene};
+use crate::surface::geometry::ContactSurface;
+use crate::surface::support::Metric;
 
 /// The drags that are compared: 6 mm deep, one for each law.
 pub const DRAGS: [&str; 3] = ["deep-sliding", "deep-sticking", "deep-stick-slip"];
@@ -108,7 +106,7 @@ pub fn grid(refinement: usize) -> Vec<Combination> {
 /// The same drag with the whole network at the haptic rate, over another surface with another scheme.
 ///
 /// ```
-/// use stickslip::contact::{surface::ContactSurface, tick::Scheme};
+/// use stickslip::{contact::rules::Scheme, surface::geometry::ContactSurface};
 /// use stickslip::{pipeline::Simulation, scene::Scene, verify::surfaces::whole};
 ///
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
@@ -118,10 +116,7 @@ pub fn grid(refinement: usize) -> Vec<Combination> {
 /// # Ok::<(), stickslip::scene::SceneError>(())
 /// ```
 pub fn whole(scene: &Scene, surface: ContactSurface, scheme: Scheme) -> Scene {
-    let mut scene = scene.clone();
-    (scene.local, scene.is_full, scene.integrator) = (LocalSettings::FULL, true, LocalIntegrator::SemiImplicitEuler);
-    (scene.surface, scene.contact.scheme) = (surface, scheme);
-    scene
+    scene.clone().with_full_model().with_surface(surface).with_scheme(scheme)
 }
 
 fn refine(scene: &mut Scene, refinement: usize) {
@@ -133,8 +128,8 @@ fn refine(scene: &mut Scene, refinement: usize) {
         stencil: coarse.stencil,
     };
     let count = block.nodes.iter().product();
-    scene.mesh = MeshSource::Block(block);
-    scene.fixed = (0..count).map(|node| block.is_bottom(node)).collect();
+    scene.mesh = block.into();
+    scene.fixed = scene.mesh.bottom();
     let material = &mut scene.material;
     let mass = material.node_mass.first().copied().unwrap_or_default();
     material.node_mass = vec![mass / factor.powi(3); count];
@@ -154,7 +149,7 @@ fn refine(scene: &mut Scene, refinement: usize) {
 ///     let scene = Scene::shipped(name).expect("shipped with the program");
 ///     let mut done = 0;
 ///     let felt = feel(&scene, |ticks| done = ticks);
-///     assert_eq!(done, scene.tick_count);
+///     assert_eq!(done, scene.tick_count());
 ///     felt
 /// };
 /// // From facet to facet the normal jumps, and the force with it.
@@ -163,7 +158,7 @@ fn refine(scene: &mut Scene, refinement: usize) {
 /// # Ok::<(), stickslip::pipeline::RunError>(())
 /// ```
 pub fn feel(scene: &Scene, mut progress: impl FnMut(u64)) -> Result<Felt, RunError> {
-    let settled = (SETTLED_S / scene.tick) as u64;
+    let settled = (SETTLED_S / scene.tick_s()) as u64;
     let (mut forces, mut contact): (Vec<Vec3>, _) = (Vec::new(), ContactMeasures::default());
     let mut energy = EnergyBook::default();
     let end = pipeline::run(scene, |view| {
@@ -187,10 +182,10 @@ pub fn feel(scene: &Scene, mut progress: impl FnMut(u64)) -> Result<Felt, RunErr
         mean_force_n: mean,
         largest_jump_n: jump,
         jump_relative: jump / mean,
-        power_above_100_hz_n2: power_above(&forces, 1.0 / scene.tick, RIPPLE_HZ),
+        power_above_100_hz_n2: power_above(&forces, scene.local_rate_hz(), RIPPLE_HZ),
         mesh_ripple_relative: slides.then(|| ripple(scene, &forces).map(|amplitude| amplitude / mean)).flatten(),
         contact_losses: contact.contact_losses(),
-        mode_switches_per_s: contact.mode_switches() as f64 / (forces.len() as f64 * scene.tick),
+        mode_switches_per_s: contact.mode_switches() as f64 / (forces.len() as f64 * scene.tick_s()),
         energy_residual_relative: energy.residual() / energy.absolute_work,
     })
 }
@@ -198,8 +193,8 @@ pub fn feel(scene: &Scene, mut progress: impl FnMut(u64)) -> Result<Felt, RunErr
 /// Amplitude of the force's magnitude at the frequency at which the tip passes from edge to edge, N, over
 /// the last whole number of edges; `None` for a tip that does not pass one.
 fn ripple(scene: &Scene, forces: &[Vec3]) -> Option<f64> {
-    let end = scene.tick_count as f64 * scene.tick;
-    let way = scene.path.at(end) - scene.path.at(end - scene.tick);
+    let end = scene.tick_count() as f64 * scene.tick_s();
+    let way = scene.path.at(end) - scene.path.at(end - scene.tick_s());
     let edges_per_tick = way.norm() / scene.mesh.spacing();
     let ticks_per_edge = (1.0 / edges_per_tick).round();
     if !(ticks_per_edge >= 2.0 && ticks_per_edge <= forces.len() as f64) {

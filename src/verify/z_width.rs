@@ -9,7 +9,7 @@ use serde::Serialize;
 use thiserror::Error;
 
 use crate::Vec3;
-use crate::device::instrument::{PathError, TipPath, Waypoint};
+use crate::device::path::{PathError, TipPath, Waypoint};
 use crate::device::phantom::{DeviceError, Needs, Phantom, PhantomSettings};
 
 /// Rates of the servo loop, Hz.

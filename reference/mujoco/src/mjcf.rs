@@ -16,7 +16,8 @@
 use std::fmt::Write;
 
 use stickslip::Vec3;
-use stickslip::model::network::{ExternalForce, Network};
+use stickslip::model::network::Network;
+use stickslip::model::state::ExternalForce;
 
 /// MuJoCo's name of an integration scheme.
 #[derive(Debug, Clone, Copy)]

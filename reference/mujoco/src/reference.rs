@@ -3,7 +3,8 @@
 use mujoco_rs::prelude::*;
 use nalgebra::{DMatrix, DVector};
 use stickslip::Vec3;
-use stickslip::model::network::{Network, State};
+use stickslip::model::network::Network;
+use stickslip::model::state::State;
 
 use crate::mjcf::{self, Integrator, PointTendon};
 

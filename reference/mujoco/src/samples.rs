@@ -1,10 +1,11 @@
 //! Networks, states and contact points to compare on: irregular, and the same in every run.
 
 use stickslip::Vec3;
-use stickslip::contact::operators::{Metric, Support};
 use stickslip::model::mesh::{Block, Mesh, Stencil};
-use stickslip::model::network::{ExternalForce, Network, State};
+use stickslip::model::network::Network;
 use stickslip::model::springs::Spring;
+use stickslip::model::state::{ExternalForce, State};
+use stickslip::surface::support::{Metric, Support};
 
 /// Distance between lattice neighbours of the sample block, m.
 pub const SPACING: f64 = 0.0125;

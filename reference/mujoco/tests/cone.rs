@@ -7,7 +7,7 @@
 use mujoco_rs::prelude::*;
 use stickslip::Vec3;
 use stickslip::contact::law::{Law, Mode};
-use stickslip::contact::operators::{Metric, Support};
+use stickslip::surface::support::{Metric, Support};
 use stickslip_mujoco::residual::{check, largest, must_fail};
 
 /// Largest angle between the two friction forces, rad: MuJoCo's solver stops at a tolerance of its

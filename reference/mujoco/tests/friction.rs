@@ -2,8 +2,9 @@
 
 use stickslip::Vec3;
 use stickslip::contact::law::{Law, Mode};
-use stickslip::contact::operators::Metric;
-use stickslip::model::network::{Network, State};
+use stickslip::model::network::Network;
+use stickslip::model::state::State;
+use stickslip::surface::support::Metric;
 use stickslip_mujoco::Reference;
 use stickslip_mujoco::mjcf::{PointTendon, TendonConstraint};
 use stickslip_mujoco::residual::{check, largest, largest_difference, must_fail};

@@ -7,13 +7,14 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 use stickslip::Vec3;
-use stickslip::contact::surface::ContactGeometry;
-use stickslip::model::local::{ExteriorKind, Linearization, LocalModelBuilder, LocalSettings};
-use stickslip::model::network::{ExternalForce, Network, State};
-use stickslip::model::patch::Extent;
+use stickslip::local::model::{ExteriorKind, Linearization, LocalModelBuilder, LocalSettings};
+use stickslip::local::patch::Extent;
+use stickslip::local::step::LocalIntegrator;
+use stickslip::model::network::Network;
 use stickslip::model::springs::TangentKind;
-use stickslip::model::step::LocalIntegrator;
-use stickslip::model::surface::Surface;
+use stickslip::model::state::{ExternalForce, State};
+use stickslip::model::topology::Surface;
+use stickslip::surface::geometry::SurfaceModel;
 use stickslip_mujoco::Reference;
 use stickslip_mujoco::mjcf::Integrator;
 use stickslip_mujoco::residual::{check, largest, largest_difference, largest_norm, must_fail, note};
@@ -54,7 +55,7 @@ fn linear(network: &Network, state: &State, kind: TangentKind, h: f64) -> State 
         linearization: Linearization::Tangent(kind),
         exterior: ExteriorKind::Fixed,
     };
-    let (model, mut local) = LocalModelBuilder::new(network, surface, ContactGeometry::Faceted, settings)
+    let (model, mut local) = LocalModelBuilder::new(network, SurfaceModel::faceted(surface), settings)
         .with_integrator(LocalIntegrator::ImplicitEuler, h)
         .build(network, state, state.x[0], None)
         .expect("its step has a solution");

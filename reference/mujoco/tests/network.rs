@@ -1,9 +1,11 @@
 //! The network alone: accelerations of deformed states, and trajectories by the same scheme.
 
 use stickslip::Vec3;
-use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper, Unconstrained};
-use stickslip::model::network::{ExternalForce, Network, State};
+use stickslip::dynamics::constraint::Unconstrained;
+use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper};
+use stickslip::model::network::Network;
 use stickslip::model::springs::Spring;
+use stickslip::model::state::{ExternalForce, State};
 use stickslip_mujoco::Reference;
 use stickslip_mujoco::mjcf::Integrator;
 use stickslip_mujoco::residual::{check, largest, largest_difference, largest_norm, must_fail, note};

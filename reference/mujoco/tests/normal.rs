@@ -4,13 +4,16 @@ use std::sync::Arc;
 
 use stickslip::Vec3;
 use stickslip::contact::law::{Law, Mode};
-use stickslip::contact::operators::Metric;
-use stickslip::contact::surface::ContactGeometry;
-use stickslip::contact::tick::{ContactRules, Deformation, Grip, LocalSimulation, Scheme, Wall};
-use stickslip::model::local::{LocalModelBuilder, LocalSettings};
+use stickslip::contact::rules::{ContactRules, Deformation, Scheme, Wall};
+use stickslip::contact::simulation::LocalSimulation;
+use stickslip::contact::state::ContactState;
+use stickslip::local::model::{LocalModelBuilder, LocalSettings};
 use stickslip::model::mesh::Mesh;
-use stickslip::model::network::{Network, State};
-use stickslip::model::surface::Surface;
+use stickslip::model::network::Network;
+use stickslip::model::state::State;
+use stickslip::model::topology::Surface;
+use stickslip::surface::geometry::SurfaceModel;
+use stickslip::surface::support::Metric;
 use stickslip_mujoco::Reference;
 use stickslip_mujoco::mjcf::{PointTendon, TendonConstraint};
 use stickslip_mujoco::residual::{check, largest, must_fail};
@@ -40,27 +43,27 @@ struct Touched {
 
 /// Puts the tip onto a point of a network at rest in a deformed state, and does one tick.
 fn touch(mesh: &Mesh, network: &Network, point: &Point, state: &State) -> Touched {
-    let surface = Arc::new(Surface::new(mesh).expect("a block has a surface"));
+    let surface = SurfaceModel::faceted(Arc::new(Surface::new(mesh).expect("a block has a surface")));
     let rules = ContactRules {
         law: Law::Sliding,
         scheme: Scheme::Geometric { deformation: Deformation::Rigid, metric: Metric::Mass },
         wall: Wall { stiffness: 1000.0, damping: 0.0 },
     };
     let position = point.support().map(|(node, weight)| state.x[node] * weight).iter().sum::<Vec3>();
-    let mut builder = LocalModelBuilder::new(network, surface, ContactGeometry::Faceted, LocalSettings::FULL);
+    let mut builder = LocalModelBuilder::new(network, surface.clone(), LocalSettings::FULL);
     let (model, local) = builder.build(network, state, position, None).expect("an explicit model");
-    let mut simulation = LocalSimulation::new(rules, TICK, model, local);
+    let mut simulation = LocalSimulation::new(rules, TICK, surface.clone(), model, local);
     let approach = point.normal(&state.x) * APPROACH;
     let report = simulation.tick(position + approach, position - approach);
 
     let contact = simulation.contact().expect("the tip went through the surface");
-    assert_eq!(contact.grip == Grip::Tension, report.mode == Mode::Free);
+    assert_eq!(contact.state == ContactState::Tension, report.mode == Mode::Free);
     let patch = &simulation.model().patch;
     let mut after = network.rest_state();
     for (slot, &node) in patch.nodes.iter().enumerate() {
         after.x[node as usize] = simulation.state().x[slot];
     }
-    let nodes = simulation.model().surface.triangle_nodes(contact.point.triangle);
+    let nodes = surface.topology.triangle_nodes(contact.point.triangle);
     Touched {
         state: after,
         point: Point { nodes, weights: contact.point.weights },

@@ -4,12 +4,14 @@ use std::sync::Arc;
 
 use stickslip::Vec3;
 use stickslip::contact::law::Law;
-use stickslip::contact::operators::Metric;
-use stickslip::contact::surface::ContactGeometry;
-use stickslip::contact::tick::{ContactRules, LocalSimulation, Scheme, Wall};
-use stickslip::model::local::{LocalModelBuilder, LocalSettings};
-use stickslip::model::network::{ExternalForce, Network};
-use stickslip::model::surface::Surface;
+use stickslip::contact::rules::{ContactRules, Scheme, Wall};
+use stickslip::contact::simulation::LocalSimulation;
+use stickslip::local::model::{LocalModelBuilder, LocalSettings};
+use stickslip::model::network::Network;
+use stickslip::model::state::ExternalForce;
+use stickslip::model::topology::Surface;
+use stickslip::surface::geometry::SurfaceModel;
+use stickslip::surface::support::Metric;
 use stickslip_mujoco::Reference;
 use stickslip_mujoco::mjcf::{PointTendon, TendonConstraint};
 use stickslip_mujoco::residual::{check, largest, must_fail, note};
@@ -102,7 +104,7 @@ fn with_unequal_masses_the_euclidean_metric_does_not() {
 fn the_velocity_scheme_commands_the_multiplier() {
     let mesh = samples::block().mesh();
     let network = sample(0.5);
-    let surface = Arc::new(Surface::new(&mesh).expect("a block has a surface"));
+    let surface = SurfaceModel::faceted(Arc::new(Surface::new(&mesh).expect("a block has a surface")));
     let rules =
         ContactRules { law: Law::Sticking, scheme: Scheme::Velocity, wall: Wall { stiffness: 1000.0, damping: 0.0 } };
     let (mut pushed, mut differences) = (0, Vec::new());
@@ -113,17 +115,16 @@ fn the_velocity_scheme_commands_the_multiplier() {
         let support = point.support();
         let position: Vec3 = support.map(|(node, weight)| state.x[node] * weight).iter().sum();
         let normal = point.normal(&state.x);
-        let mut builder =
-            LocalModelBuilder::new(&network, surface.clone(), ContactGeometry::Faceted, LocalSettings::FULL);
+        let mut builder = LocalModelBuilder::new(&network, surface.clone(), LocalSettings::FULL);
         let (model, local) = builder.build(&network, &state, position, None).expect("an explicit model");
-        let mut simulation = LocalSimulation::new(rules, STEP, model, local);
+        let mut simulation = LocalSimulation::new(rules, STEP, surface.clone(), model, local);
         // The mesh, on its way back to rest, meets the tip or leaves it. What it takes to bring the point that was
         // met to the tip within the tick is taken off with the same G.
         let sunk = normal * 1e-9;
         let report = simulation.tick(position + sunk, position - sunk);
         let Some(touch) = report.touch.filter(|_| !report.rigid) else { continue };
         pushed += 1;
-        let nodes = simulation.model().surface.triangle_nodes(touch.point.triangle);
+        let nodes = surface.topology.triangle_nodes(touch.point.triangle);
         let there = Point { nodes, weights: touch.point.weights };
         let response = there.operators(Metric::Mass, &network).scale();
         let follow = (position - sunk - touch.position) * (-1.0 / (response * STEP * STEP));

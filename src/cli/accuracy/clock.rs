@@ -5,7 +5,8 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use crate::pipeline::{Moment, Simulation};
+use crate::multirate::global::Moment;
+use crate::pipeline::Simulation;
 use crate::scene::{Scene, SceneError};
 
 /// Times of each run, unless the share of its time is over before.

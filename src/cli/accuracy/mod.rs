@@ -18,7 +18,7 @@ use self::clock::{Cost, Stopwatch};
 use super::progress::Progress;
 use super::terminal::{hand_out, say};
 use super::{FAIL, PASS, folder, load, page};
-use crate::model::condensation::CondensationCounts;
+use crate::local::condensation::CondensationCounts;
 use crate::model::work::WorkCounts;
 use crate::output::files::{write_file, write_json};
 use crate::output::summary::Sample;
@@ -220,7 +220,7 @@ fn compare(scene: &Scene, grid: Grid, budget: Budget, patience: Duration) -> mie
     Ok(AccuracyFile {
         scene: scene.name.clone(),
         version: env!("CARGO_PKG_VERSION"),
-        cycle_rate: scene.global.rate,
+        cycle_rate: scene.global_rate_hz(),
         budget,
         best: best(&points, &references, budget),
         points,

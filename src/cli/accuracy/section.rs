@@ -59,7 +59,7 @@ const ERROR_CAPTION: &str = "Blue: fixed exterior, green: drifting, orange: cond
 #[cfg(feature = "plots")]
 fn figures(file: &AccuracyFile, reference: usize) -> miette::Result<Vec<(String, &'static str)>> {
     use super::Point;
-    use crate::output::precision::{Mark, Precision, compared_forces, precision};
+    use crate::output::figures::precision::{Mark, Precision, compared_forces, precision};
     use crate::verify::accuracy::PERCEPTION;
     use miette::{IntoDiagnostic, WrapErr};
 

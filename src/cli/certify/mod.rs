@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use maud::Markup;
 
@@ -13,9 +14,9 @@ use super::progress::Progress;
 use super::terminal::{hand_out, say};
 use super::tick_timing::{TimedTick, time_ticks};
 use super::{FAIL, INCONCLUSIVE, PASS, folder, interrupt, load};
+use crate::multirate::timeline::OverrunPolicy;
 use crate::output::files::{write_file, write_json};
 use crate::pipeline::Simulation;
-use crate::realtime::certificate::{Certificate, Circumstances, Verdict, WorstTick};
 use crate::realtime::load::Load;
 use crate::realtime::machine::{Machine, stolen};
 use crate::realtime::meter::TickTimes;
@@ -24,8 +25,8 @@ use crate::realtime::record::{loop_settings, recorded_pass};
 use crate::realtime::threads::{Pass, Served, serve};
 use crate::scene::{Scene, SceneError};
 use crate::session::{Replayed, Session, TickToReplay, Why, replay};
-use crate::timeline::OverrunPolicy;
 use crate::verify::certificate::causes::StealSample;
+use crate::verify::certificate::verdict::{Certificate, Circumstances, Verdict, WorstTick};
 use crate::verify::lateness::consequences;
 
 /// Between two looks at what the hypervisor took.
@@ -50,8 +51,8 @@ pub struct CertifyArguments {
     #[arg(long, value_enum, default_value_t = LoadName::None)]
     load: LoadName,
     /// What a missed deadline does (default: the scene's, or else hold)
-    #[arg(long, value_enum)]
-    policy: Option<PolicyName>,
+    #[arg(long, value_parser = policy_parser())]
+    policy: Option<OverrunPolicy>,
     /// Where the files go (default: reports/<scene name>)
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -62,13 +63,6 @@ enum LoadName {
     None,
     Cpu,
     Memory,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum PolicyName {
-    Hold,
-    Zero,
-    Skip,
 }
 
 pub fn certify(arguments: &CertifyArguments) -> miette::Result<u8> {
@@ -92,32 +86,37 @@ pub fn brief(scene: &Scene, duration_s: f64, out: &Path) -> miette::Result<(Cert
     Ok((certificate, section))
 }
 
+/// Takes the words that scenes have for it.
+fn policy_parser() -> impl TypedValueParser<Value = OverrunPolicy> {
+    PossibleValuesParser::new(OverrunPolicy::NAMES).try_map(|word| {
+        let found = OverrunPolicy::ALL.into_iter().find(|policy| policy.name() == word);
+        found.ok_or("no such policy")
+    })
+}
+
 /// The scene with what the command line changes.
 fn asked_for(arguments: &CertifyArguments) -> miette::Result<Scene> {
     let (mut scene, _) = load(&arguments.scene)?;
     if let Some(rate) = arguments.rate {
-        scene = scene.at_rate(rate)?;
+        scene = scene.with_local_rate_hz(rate)?;
     }
     if let Some(us) = arguments.deadline {
         let after = us * 1e-6;
-        if !(after > 0.0 && after <= scene.tick) {
+        if !(after > 0.0 && after <= scene.tick_s()) {
             return Err(miette::miette!(
                 help = "a deadline is above 0 and at most a tick",
                 "a deadline of {us} µs is not possible with ticks of {} µs",
-                scene.tick * 1e6
+                scene.tick_s() * 1e6
             ));
         }
         scene.deadline.after = after;
     }
-    match arguments.policy {
-        None => {}
-        Some(PolicyName::Hold) => scene.deadline.overrun = OverrunPolicy::Hold,
-        Some(PolicyName::Zero) => scene.deadline.overrun = OverrunPolicy::Zero,
-        Some(PolicyName::Skip) => scene.deadline.overrun = OverrunPolicy::Skip,
+    if let Some(overrun) = arguments.policy {
+        scene.deadline.overrun = overrun;
     }
-    if !(arguments.duration > 0.0 && arguments.duration <= MOST_PASSES as f64 * scene.duration) {
+    if !(arguments.duration > 0.0 && arguments.duration <= MOST_PASSES as f64 * scene.duration_s()) {
         return Err(miette::miette!(
-            help = format!("give one above 0, at most {MOST_PASSES} times the scene's {} s", scene.duration),
+            help = format!("give one above 0, at most {MOST_PASSES} times the scene's {} s", scene.duration_s()),
             "a duration of {} s is not possible",
             arguments.duration
         ));
@@ -131,7 +130,7 @@ type Figures = Vec<(&'static str, String)>;
 /// Measures a scene's loop, does its worst ticks again, judges, and writes everything into a folder.
 fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette::Result<(Certificate, Figures)> {
     let stop = interrupt::flag()?;
-    let ticks = (duration_s / scene.tick).round().max(1.0) as u64;
+    let ticks = (duration_s / scene.tick_s()).round().max(1.0) as u64;
     let (passes, warm_up) = prepare(scene, ticks, stop)?;
     let settings = loop_settings(scene, &warm_up, true);
     let cpus = os::affinity();
@@ -144,7 +143,7 @@ fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette
     progress.begin(&scene.name);
     let load = kind.start(cpus.len());
     let (served, steal) =
-        watched(duration_s, &mut progress, ticks, || serve(passes, warm_up.into_loops().0, settings, stop));
+        watched(duration_s, &mut progress, ticks, || serve(passes, warm_up.into_sides().servo, settings, stop));
     drop(load);
     drop(progress);
     let mut served = served?;
@@ -158,7 +157,7 @@ fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette
         &served,
         Circumstances {
             scene: scene.name.clone(),
-            rate_hz: 1.0 / scene.tick,
+            rate_hz: scene.local_rate_hz(),
             overrun: scene.deadline.overrun,
             load: words,
             steal,
@@ -184,7 +183,7 @@ fn prepare(scene: &Scene, ticks: u64, stop: &AtomicBool) -> Result<(Vec<Pass>, S
     let mut passes = Vec::new();
     let mut left = ticks;
     while left > 0 && !stop.load(Ordering::Relaxed) {
-        let of_this = left.min(scene.tick_count);
+        let of_this = left.min(scene.tick_count());
         passes.push(Pass::new(Simulation::prepare(scene)?, of_this, false));
         left -= of_this;
     }

@@ -5,11 +5,11 @@ use std::fmt::Write as _;
 use maud::{Markup, PreEscaped, html};
 
 use crate::cli::page;
-use crate::realtime::certificate::{Certificate, MissRate, WorstTick};
 use crate::realtime::record::Quantiles;
 use crate::realtime::threads::Served;
 use crate::verify::certificate::bounds::RateBound;
 use crate::verify::certificate::tail::Tail;
+use crate::verify::certificate::verdict::{Certificate, MissRate, WorstTick};
 use crate::verify::lateness::Consequences;
 
 /// Its file.
@@ -261,7 +261,7 @@ fn tail_sentence(tail: &Tail) -> String {
 pub fn figures(served: &Served) -> miette::Result<Vec<(&'static str, String)>> {
     use miette::{IntoDiagnostic, WrapErr};
 
-    use crate::output::latency::{Stretch, over_time, tails};
+    use crate::output::figures::latency::{Stretch, over_time, tails};
 
     let meter = &served.meter;
     let span_s = served.window.end_ns.saturating_sub(served.window.begin_ns) as f64 * 1e-9;

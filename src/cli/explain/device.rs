@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::Vec3;
-use crate::contact::tick::Wall;
+use crate::contact::rules::Wall;
 use crate::device::instrument::InstrumentKind;
 use crate::pipeline::Simulation;
 use crate::scene::Scene;
@@ -44,9 +44,9 @@ impl DeviceFacts {
         Some(Self {
             apparent_mass_kg: device.apparent_mass_kg().into(),
             resolution_m: device.resolution_m().into(),
-            largest_force_n: settings.phantom.actuation.force_limit,
+            largest_force_n: settings.phantom.actuation.largest_force,
             hand_mass_kg: hand.mass.into(),
-            grip_stiffness_n_per_m: hand.grip_stiffness.into(),
+            grip_stiffness_n_per_m: hand.stylus_stiffness.into(),
             arm_stiffness_n_per_m: hand.arm_stiffness.into(),
             coupling: settings.coupling.map(|coupling| CouplingFacts {
                 stiffness_n_per_m: coupling.stiffness,

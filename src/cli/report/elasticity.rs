@@ -34,7 +34,7 @@ fn of_one_kind(a: &ElasticityRow, b: &ElasticityRow) -> bool {
 #[cfg(feature = "plots")]
 fn figure(rows: &[ElasticityRow]) -> miette::Result<String> {
     use crate::model::material::Identification;
-    use crate::output::refinement::{Curve, Panel, refinement};
+    use crate::output::figures::refinement::{Curve, Panel, refinement};
 
     const GROUPS: [(&str, &str); 4] =
         [("lattice", "lattice"), ("five", "five tetrahedra"), ("six", "six tetrahedra"), ("Gmsh", "by Gmsh")];

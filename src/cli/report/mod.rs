@@ -161,7 +161,7 @@ fn checked(scenes: &[PathBuf]) -> miette::Result<Vec<(Scene, Expectation)>> {
 }
 
 fn run_all(scenes: &[(Scene, Expectation)], out: &Path) -> miette::Result<Vec<Reported>> {
-    let mut progress = Progress::new(scenes.iter().map(|(scene, _)| scene.tick_count).sum(), "ticks");
+    let mut progress = Progress::new(scenes.iter().map(|(scene, _)| scene.tick_count()).sum(), "ticks");
     let mut reported = Vec::with_capacity(scenes.len());
     for (scene, expectation) in scenes {
         progress.begin(&scene.name);
@@ -170,7 +170,7 @@ fn run_all(scenes: &[(Scene, Expectation)], out: &Path) -> miette::Result<Vec<Re
             recorder.record(view);
             progress.set(view.tick + 1);
         })?;
-        progress.end(scene.tick_count);
+        progress.end(scene.tick_count());
         reported.push(Reported::new(scene, run, *expectation, recorder.finish())?);
     }
     Ok(reported)
@@ -214,7 +214,7 @@ fn stability_verdict(file: &StabilityFile) -> Verdict {
 fn certificate(verdicts: &mut Vec<Verdict>, out: &Path) -> miette::Result<(Option<serde_json::Value>, Markup)> {
     use miette::IntoDiagnostic;
 
-    use crate::realtime::certificate::Verdict as Found;
+    use crate::verify::certificate::verdict::Verdict as Found;
 
     let (certificate, section) = match super::certify::brief(&shipped(LOOP_SCENE)?, CERTIFICATE_S, out) {
         Ok(made) => made,

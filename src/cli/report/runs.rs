@@ -102,7 +102,8 @@ pub fn verdicts(reported: &[Reported]) -> Vec<Verdict> {
 
 #[cfg(feature = "plots")]
 fn figure(run: &FinishedRun, title: &str) -> miette::Result<String> {
-    crate::output::plots::forces(title, &run.samples).map_err(|error| miette::miette!("cannot draw {title}: {error}"))
+    crate::output::figures::forces::forces(title, &run.samples)
+        .map_err(|error| miette::miette!("cannot draw {title}: {error}"))
 }
 
 #[cfg(not(feature = "plots"))]

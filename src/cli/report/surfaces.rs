@@ -24,12 +24,12 @@ pub struct SurfaceEntry {
 /// Runs every combination.
 pub fn compare() -> miette::Result<Vec<SurfaceEntry>> {
     let grid: Vec<Combination> = REFINEMENTS.into_iter().flat_map(surfaces::grid).collect();
-    let mut progress = Progress::new(grid.iter().map(|combination| combination.scene.tick_count).sum(), "ticks");
+    let mut progress = Progress::new(grid.iter().map(|combination| combination.scene.tick_count()).sum(), "ticks");
     let mut compared = Vec::with_capacity(grid.len());
     for Combination { drag, surface, scheme, spacing_m, scene } in &grid {
         progress.begin(&scene.name);
         let felt = surfaces::feel(scene, |ticks| progress.set(ticks)).map_err(|error| miette::miette!("{error}"))?;
-        progress.end(scene.tick_count);
+        progress.end(scene.tick_count());
         compared.push(SurfaceEntry { drag, surface, scheme, spacing_m: *spacing_m, felt });
     }
     Ok(compared)
@@ -37,7 +37,7 @@ pub fn compare() -> miette::Result<Vec<SurfaceEntry>> {
 
 #[cfg(feature = "plots")]
 fn figure(compared: &[SurfaceEntry]) -> miette::Result<String> {
-    use crate::output::plots::{Jump, jumps};
+    use crate::output::figures::forces::{Jump, jumps};
     let columns: Vec<String> = surfaces::SURFACES
         .iter()
         .flat_map(|(surface, _)| surfaces::SCHEMES.iter().map(move |(scheme, _)| format!("{surface} {scheme}")))

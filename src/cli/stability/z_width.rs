@@ -73,7 +73,7 @@ pub fn section(limits: &[WallLimit]) -> miette::Result<Markup> {
 
 #[cfg(feature = "plots")]
 fn figure(limits: &[WallLimit]) -> miette::Result<String> {
-    use crate::output::z_width::{RateCurve, z_width};
+    use crate::output::figures::z_width::{RateCurve, z_width};
     let curves = RATES_HZ.map(|rate| {
         let of_rate = || limits.iter().filter(move |limit| limit.rate_hz == rate);
         RateCurve {

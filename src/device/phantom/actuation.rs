@@ -37,7 +37,7 @@ pub struct ActuationSettings {
     /// Turns of a motor per turn of its joint.
     pub capstan_ratio: Vec3,
     /// Largest current of a motor, A: where it stalls at 24 V.
-    pub current_limit: f64,
+    pub largest_current: f64,
     /// Bits of a current command from −limit to +limit; 0 if it is not quantised. Assumed.
     pub torque_bits: u32,
     /// Bandwidth of the amplifiers, a first-order lag, Hz. Assumed.
@@ -45,7 +45,7 @@ pub struct ActuationSettings {
     /// Encoder counts per turn of a motor: 1024 lines, four edges each; 0 if angles are not quantised.
     pub encoder_counts: f64,
     /// Largest force commanded, N: the device's published maximum.
-    pub force_limit: f64,
+    pub largest_force: f64,
     /// Force that the device is published to sustain, N.
     pub continuous_force: f64,
     /// Time constant of the mean force that is held against `continuous_force`, s. Assumed.
@@ -57,11 +57,11 @@ impl Default for ActuationSettings {
         Self {
             torque_constant: 0.0234,
             capstan_ratio: Vec3::new(13.3, 11.2, 11.2),
-            current_limit: 5.5,
+            largest_current: 5.5,
             torque_bits: 16,
             amplifier_bandwidth: 1000.0,
             encoder_counts: 4096.0,
-            force_limit: 8.5,
+            largest_force: 8.5,
             continuous_force: 1.4,
             thermal_time: 10.0,
         }
@@ -85,7 +85,7 @@ impl ActuationSettings {
 
     /// The current between two neighbouring commands, A, if they are quantised.
     pub fn current_step(&self) -> Option<f64> {
-        (self.torque_bits > 0).then(|| self.current_limit / self.half_steps())
+        (self.torque_bits > 0).then(|| self.largest_current / self.half_steps())
     }
 
     /// Steps from no current to the limit.
@@ -100,16 +100,16 @@ impl ActuationSettings {
         if !magnitude.is_finite() {
             return CurrentCommand { current: Vec3::zeros(), is_limited: true };
         }
-        let is_too_strong = magnitude > self.force_limit;
-        let force = if is_too_strong { force * (self.force_limit / magnitude) } else { *force };
+        let is_too_strong = magnitude > self.largest_force;
+        let force = if is_too_strong { force * (self.largest_force / magnitude) } else { *force };
         let wanted = (jacobian(angles).tr_mul(&force) / self.torque_constant).component_div(&self.capstan_ratio);
-        let (limit, half) = (self.current_limit, self.half_steps());
+        let (limit, half) = (self.largest_current, self.half_steps());
         let current = match self.current_step() {
             // The largest positive command is one step below the limit, as in two's complement.
             Some(step) => wanted.map(|current| (current / step).round().clamp(-half, half - 1.0) * step),
             None => wanted.map(|current| current.clamp(-limit, limit)),
         };
-        CurrentCommand { current, is_limited: is_too_strong || wanted.amax() > self.current_limit }
+        CurrentCommand { current, is_limited: is_too_strong || wanted.amax() > self.largest_current }
     }
 
     /// The joint angles that the encoders tell, rad: the nearest whole counts.

@@ -14,7 +14,7 @@ use crate::Vec3;
 /// let at = |x, speed| Moving { position: Vec3::x() * x, velocity: Vec3::x() * speed };
 /// let (target, holds, stylus) = (at(0.003, 0.0), at(0.002, 0.0), at(0.0, 0.0));
 /// // 2 mm of grip and 1 mm of arm.
-/// assert_eq!(hand.grip_force(&holds, &stylus).x, hand.grip_stiffness.x * 0.002);
+/// assert_eq!(hand.grip_force(&holds, &stylus).x, hand.stylus_stiffness.x * 0.002);
 /// assert!((hand.arm_force(&target, &holds).x - hand.arm_stiffness.x * 0.001).abs() < 1e-12);
 /// assert_eq!(hand.dissipation(&target, &holds, &stylus), 0.0); // at rest
 /// // Moving as one takes ½mv² of the grip and arm that are not stretched.
@@ -26,9 +26,9 @@ pub struct HandSettings {
     /// Mass, kg.
     pub mass: Vec3,
     /// k₁, of the grip, N/m.
-    pub grip_stiffness: Vec3,
+    pub stylus_stiffness: Vec3,
     /// b₁, of the grip, N·s/m.
-    pub grip_damping: Vec3,
+    pub stylus_damping: Vec3,
     /// k₂, of the arm, N/m.
     pub arm_stiffness: Vec3,
     /// b₂, of the arm, N·s/m.
@@ -39,8 +39,8 @@ impl Default for HandSettings {
     fn default() -> Self {
         Self {
             mass: Vec3::new(0.218, 0.269, 0.204),
-            grip_stiffness: Vec3::new(379.5, 552.4, 769.9),
-            grip_damping: Vec3::new(1.839, 3.609, 0.776),
+            stylus_stiffness: Vec3::new(379.5, 552.4, 769.9),
+            stylus_damping: Vec3::new(1.839, 3.609, 0.776),
             arm_stiffness: Vec3::new(78.75, 105.3, 271.7),
             arm_damping: Vec3::new(4.645, 6.430, 18.06),
         }
@@ -59,7 +59,7 @@ pub struct Moving {
 impl HandSettings {
     /// What the hand exerts on the stylus, k₁(X − p) + b₁(Ẋ − ṗ), N.
     pub fn grip_force(&self, hand: &Moving, stylus: &Moving) -> Vec3 {
-        pull(&self.grip_stiffness, &self.grip_damping, hand, stylus)
+        pull(&self.stylus_stiffness, &self.stylus_damping, hand, stylus)
     }
 
     /// What the arm exerts on the hand's mass, k₂(X_t − X) + b₂(Ẋ_t − Ẋ), N.
@@ -71,14 +71,14 @@ impl HandSettings {
     pub fn energy(&self, target: &Moving, hand: &Moving, stylus: &Moving) -> f64 {
         let twice = |weights: &Vec3, v: Vec3| weights.dot(&v.component_mul(&v));
         0.5 * (twice(&self.mass, hand.velocity)
-            + twice(&self.grip_stiffness, hand.position - stylus.position)
+            + twice(&self.stylus_stiffness, hand.position - stylus.position)
             + twice(&self.arm_stiffness, target.position - hand.position))
     }
 
     /// What both dampers take, W.
     pub fn dissipation(&self, target: &Moving, hand: &Moving, stylus: &Moving) -> f64 {
         let power = |damping: &Vec3, v: Vec3| damping.dot(&v.component_mul(&v));
-        power(&self.grip_damping, hand.velocity - stylus.velocity)
+        power(&self.stylus_damping, hand.velocity - stylus.velocity)
             + power(&self.arm_damping, target.velocity - hand.velocity)
     }
 }

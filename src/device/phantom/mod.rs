@@ -21,7 +21,7 @@ use self::dynamics::{JointSettings, LEAST_INERTIA};
 use self::hand::HandSettings;
 use self::kinematics::{FORE_LINK, PoseError, UPPER_LINK};
 use self::plant::{Plant, PlantState};
-use super::instrument::TipPath;
+use super::path::TipPath;
 use crate::{Mat3, Vec3};
 
 /// The largest rate times substep. RK4 is stable up to 2.78 on the real axis and 2.82 on the imaginary one.
@@ -179,9 +179,9 @@ impl PhantomSettings {
             ("the friction speed (rad/s)", Vec3::repeat(joints.friction_speed)),
             ("the torque constant (N·m/A)", Vec3::repeat(actuation.torque_constant)),
             ("a capstan ratio", actuation.capstan_ratio),
-            ("the current limit (A)", Vec3::repeat(actuation.current_limit)),
+            ("the current limit (A)", Vec3::repeat(actuation.largest_current)),
             ("the amplifier bandwidth (Hz)", Vec3::repeat(actuation.amplifier_bandwidth)),
-            ("the force limit (N)", Vec3::repeat(actuation.force_limit)),
+            ("the force limit (N)", Vec3::repeat(actuation.largest_force)),
             ("the continuous force (N)", Vec3::repeat(actuation.continuous_force)),
             ("the thermal time (s)", Vec3::repeat(actuation.thermal_time)),
             ("the hand's mass (kg)", hand.mass),
@@ -191,8 +191,8 @@ impl PhantomSettings {
             ("a joint's friction (N·m)", joints.friction),
             ("the encoder counts", Vec3::repeat(actuation.encoder_counts)),
             ("a rotor's inertia (kg·m²)", joints.rotor_inertia),
-            ("the grip's stiffness (N/m)", hand.grip_stiffness),
-            ("the grip's damping (N·s/m)", hand.grip_damping),
+            ("the grip's stiffness (N/m)", hand.stylus_stiffness),
+            ("the grip's damping (N·s/m)", hand.stylus_damping),
             ("the arm's stiffness (N/m)", hand.arm_stiffness),
             ("the arm's damping (N·s/m)", hand.arm_damping),
         ];
@@ -224,10 +224,10 @@ impl PhantomSettings {
         let rate = |stiffness: f64, damping: f64, mass: f64| (stiffness / mass).sqrt() + damping / mass;
         let lever = (UPPER_LINK + FORE_LINK).powi(2);
         let joint_damping = (joints.damping + joints.friction / joints.friction_speed).amax();
-        let grip_damping = lever * hand.grip_damping.amax();
-        let of_joints = rate(lever * hand.grip_stiffness.amax(), joint_damping + grip_damping, LEAST_INERTIA);
-        let stiffness = hand.grip_stiffness + hand.arm_stiffness;
-        let damping = hand.grip_damping + hand.arm_damping;
+        let stylus_damping = lever * hand.stylus_damping.amax();
+        let of_joints = rate(lever * hand.stylus_stiffness.amax(), joint_damping + stylus_damping, LEAST_INERTIA);
+        let stiffness = hand.stylus_stiffness + hand.arm_stiffness;
+        let damping = hand.stylus_damping + hand.arm_damping;
         let of_hand = rate(stiffness.amax(), damping.amax(), hand.mass.amin());
         actuation.amplifier_rate().max(of_joints).max(of_hand)
     }
@@ -250,7 +250,7 @@ fn require(name: &'static str, values: &Vec3, needs: Needs) -> Result<(), Device
 ///
 /// ```
 /// use stickslip::Vec3;
-/// use stickslip::device::instrument::{TipPath, Waypoint};
+/// use stickslip::device::path::{TipPath, Waypoint};
 /// use stickslip::device::phantom::{Phantom, PhantomSettings};
 ///
 /// let still = TipPath::new(vec![Waypoint { time: 0.0, position: Vec3::zeros() }])?;
@@ -272,7 +272,7 @@ fn require(name: &'static str, values: &Vec3, needs: Needs) -> Result<(), Device
 /// assert!(device.mean_force_n() < 0.1 && !device.overheats());
 /// // More than it can give is limited.
 /// assert!(device.command(&(Vec3::z() * 20.0)).norm() <= 8.5 + 1e-3 && device.saturated());
-/// assert_eq!(device.settings().actuation.force_limit, 8.5);
+/// assert_eq!(device.settings().actuation.largest_force, 8.5);
 /// assert!(device.state().is_finite());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```

@@ -4,7 +4,7 @@ use super::PhantomSettings;
 use super::hand::Moving;
 use super::kinematics::{forward, jacobian};
 use crate::Vec3;
-use crate::device::instrument::TipPath;
+use crate::device::path::TipPath;
 
 /// What moves, in device axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,7 +40,7 @@ pub struct EnergyFlows {
 ///
 /// ```
 /// use stickslip::Vec3;
-/// use stickslip::device::instrument::{TipPath, Waypoint};
+/// use stickslip::device::path::{TipPath, Waypoint};
 /// use stickslip::device::phantom::{PhantomSettings, plant::{Plant, PlantState}};
 ///
 /// // A hand leads the device by 20 mm within 0.1 s, against a motor.
@@ -57,7 +57,7 @@ pub struct EnergyFlows {
 /// let stored = plant.stored_energy(&end, 0.1) - plant.stored_energy(&start, 0.0);
 /// let flows = end.flows;
 /// assert!((stored - (flows.from_motors + flows.from_target - flows.dissipated)).abs() < 1e-6 * flows.dissipated);
-/// # Ok::<(), stickslip::device::instrument::PathError>(())
+/// # Ok::<(), stickslip::device::path::PathError>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct Plant {

@@ -8,7 +8,7 @@ use crate::Vec3;
 ///
 /// ```
 /// use stickslip::Vec3;
-/// use stickslip::device::instrument::{TipPath, Waypoint};
+/// use stickslip::device::path::{TipPath, Waypoint};
 /// use stickslip::device::phantom::{Phantom, PhantomSettings};
 ///
 /// let still = TipPath::new(vec![Waypoint { time: 0.0, position: Vec3::zeros() }])?;

@@ -2,16 +2,16 @@
 
 use super::super::surfaces::whole;
 use super::method::{Method, Touching, ticks_per_cycle};
-use crate::contact::operators::Metric;
-use crate::contact::surface::ContactSurface;
-use crate::contact::tick::{Deformation, Scheme};
-use crate::model::condensation::{Condensation, FarField, Reach};
-use crate::model::local::{ExteriorKind, Linearization, LocalSettings};
-use crate::model::patch::Extent;
+use crate::contact::rules::{Deformation, Scheme};
+use crate::local::condensation::{Condensation, FarField, Reach};
+use crate::local::model::{ExteriorKind, Linearization, LocalSettings};
+use crate::local::patch::Extent;
+use crate::local::step::LocalIntegrator;
 use crate::model::springs::TangentKind;
-use crate::model::step::LocalIntegrator;
 use crate::pipeline::Simulation;
 use crate::scene::{Scene, SceneError};
+use crate::surface::geometry::ContactSurface;
+use crate::surface::support::Metric;
 
 /// The paper's local model: one ring of tangents in an exterior that stands still,
 pub const PAPER: LocalSettings = LocalSettings {

@@ -4,20 +4,19 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::contact::operators::Metric;
-use crate::contact::surface::ContactSurface;
-use crate::contact::tick::{Deformation, Scheme};
-use crate::model::condensation::{FarField, Reach};
-use crate::model::local::{ExteriorKind, Linearization, LocalSettings};
-use crate::model::patch::Extent;
+use crate::contact::rules::Scheme;
+use crate::local::condensation::Reach;
+use crate::local::model::{ExteriorKind, Linearization, LocalSettings};
+use crate::local::patch::Extent;
+use crate::local::step::LocalIntegrator;
 use crate::model::springs::TangentKind;
-use crate::model::step::LocalIntegrator;
-use crate::scene::Scene;
+use crate::scene::{ExteriorName, LinearizationName, LocalModelName, Rings, Scene, SchemeName};
+use crate::surface::geometry::ContactSurface;
 
 /// How the tip meets the mesh.
 ///
 /// ```
-/// use stickslip::contact::{surface::ContactSurface, tick::Scheme};
+/// use stickslip::{contact::rules::Scheme, surface::geometry::ContactSurface};
 /// use stickslip::verify::accuracy::Touching;
 ///
 /// // An impulse acts through the masses and leaves no choice of deformation or metric.
@@ -36,7 +35,7 @@ pub struct Touching {
 /// One way to run a drag.
 ///
 /// ```
-/// use stickslip::{scene::Scene, verify::accuracy::{Method, Rings}};
+/// use stickslip::{scene::{Rings, Scene}, verify::accuracy::Method};
 ///
 /// let scene = Scene::shipped("fig5-stick-slip").expect("shipped with the program");
 /// let method = Method::of(&scene);
@@ -48,7 +47,7 @@ pub struct Touching {
 ///
 /// // Renewed five times as often, with steps of the network as long as before.
 /// let often = Method { global_rate: 50.0, ..method }.scene(&scene);
-/// assert_eq!((often.ticks_per_cycle, often.global.substeps), (20, 20));
+/// assert_eq!((often.ticks_per_cycle(), often.global.substeps), (20, 20));
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Method {
@@ -95,97 +94,65 @@ pub struct Names {
     pub global_rate: f64,
 }
 
-/// `rings` as scenes give them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(untagged)]
-pub enum Rings {
-    /// So many.
-    Count(u32),
-    /// "all".
-    Named(&'static str),
-}
-
 impl Method {
     /// What a scene asks for.
     pub fn of(scene: &Scene) -> Self {
         Self {
-            is_full: scene.is_full,
-            local: scene.local,
+            is_full: scene.is_full(),
+            local: scene.local(),
             integrator: scene.integrator,
-            global_rate: scene.global.rate,
+            global_rate: scene.global_rate_hz(),
             touching: Touching { surface: scene.surface, scheme: scene.contact.scheme },
         }
     }
 
     /// The scene's drag, run this way. The substeps of the global side stay as long as they are.
     pub fn scene(&self, scene: &Scene) -> Scene {
-        let mut own = scene.clone();
-        (own.local, own.is_full, own.integrator) = (self.local, self.is_full, self.integrator);
-        (own.surface, own.contact.scheme) = (self.touching.surface, self.touching.scheme);
-        if let Some(ticks) = ticks_per_cycle(scene, self.global_rate) {
-            let substeps = f64::from(scene.global.substeps) * f64::from(ticks) / f64::from(scene.ticks_per_cycle);
-            own.global.substeps = (substeps.round() as u32).max(1);
-            (own.global.rate, own.ticks_per_cycle) = (self.global_rate, ticks);
-        }
-        own
+        let own = scene.clone().with_surface(self.touching.surface).with_scheme(self.touching.scheme);
+        let mut own = if self.is_full {
+            own.with_full_model()
+        } else {
+            own.with_local_model(self.local).with_local_integrator(self.integrator)
+        };
+        let Some(ticks) = ticks_per_cycle(scene, self.global_rate) else { return own };
+        let substeps = f64::from(scene.global.substeps) * f64::from(ticks) / f64::from(scene.ticks_per_cycle());
+        own.global.substeps = (substeps.round() as u32).max(1);
+        own.with_ticks_per_cycle(ticks)
     }
 
     /// In the words of scenes.
     pub fn names(&self) -> Names {
-        let kind = |kind: TangentKind| match kind {
-            TangentKind::Exact => "exact",
-            TangentKind::Stabilised => "stabilised",
-        };
         let LocalSettings { extent, linearization, exterior } = self.local;
-        let (linearization, mut tangent) = match linearization {
-            Linearization::Tangent(tangent) => ("tangent", Some(kind(tangent))),
-            Linearization::None => ("none", None),
+        let mut tangent = match linearization {
+            Linearization::Tangent(tangent) => Some(tangent),
+            Linearization::None => None,
         };
         let (mut condense_rings, mut far_field) = (None, None);
-        let exterior = match exterior {
-            ExteriorKind::Fixed => "fixed",
-            ExteriorKind::Drifting => "drifting",
-            ExteriorKind::Condensed(condensation) => {
-                tangent = Some(kind(condensation.tangent));
-                (condense_rings, far_field) = match condensation.reach {
-                    Reach::All => (Some(Rings::Named("all")), None),
-                    Reach::Rings { rings, far_field: FarField::Fixed } => (Some(Rings::Count(rings)), Some("fixed")),
-                    Reach::Rings { rings, far_field: FarField::Coarse } => (Some(Rings::Count(rings)), Some("coarse")),
-                };
-                "condensed"
+        if let ExteriorKind::Condensed(condensation) = exterior {
+            tangent = Some(condensation.tangent);
+            condense_rings = Some(condensation.reach.into());
+            if let Reach::Rings { far_field: beyond, .. } = condensation.reach {
+                far_field = Some(beyond.name());
             }
+        }
+        let (deformation, metric) = match self.touching.scheme {
+            Scheme::Geometric { deformation, metric } => (Some(deformation.name()), Some(metric.name())),
+            Scheme::Velocity => (None, None),
         };
-        let (rings, exterior) = match extent {
-            Extent::Rings(rings) => (Rings::Count(rings), Some(exterior)),
-            Extent::All => (Rings::Named("all"), None),
-        };
-        let (scheme, deformation, metric) = match self.touching.scheme {
-            Scheme::Geometric { deformation, metric } => ("geometric", Some(deformation), Some(metric)),
-            Scheme::Velocity => ("velocity", None, None),
-        };
+        let model = if self.is_full { LocalModelName::Full } else { LocalModelName::Patch };
         Names {
-            model: if self.is_full { "full" } else { "patch" },
-            rings,
-            linearization,
-            exterior,
-            tangent,
+            model: model.name(),
+            rings: extent.into(),
+            linearization: LinearizationName::from(linearization).name(),
+            exterior: (extent != Extent::All).then_some(ExteriorName::from(exterior).name()),
+            tangent: tangent.map(TangentKind::name),
             condense_rings,
             far_field,
             integrator: self.integrator.name(),
-            scheme,
-            surface: match self.touching.surface {
-                ContactSurface::Faceted => "faceted",
-                ContactSurface::Shaded => "shaded",
-                ContactSurface::Subdivision => "subdivision",
-            },
-            deformation: deformation.map(|deformation| match deformation {
-                Deformation::Rigid => "rigid",
-                Deformation::LeastNorm => "least-norm",
-            }),
-            metric: metric.map(|metric| match metric {
-                Metric::Euclidean => "euclidean",
-                Metric::Mass => "mass",
-            }),
+            scheme: SchemeName::from(self.touching.scheme).name(),
+            surface: self.touching.surface.name(),
+            deformation,
+            metric,
             global_rate: self.global_rate,
         }
     }
@@ -202,16 +169,6 @@ impl Touching {
             touching: self,
         }
         .names()
-    }
-}
-
-impl fmt::Display for Rings {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Count(1) => f.write_str("1 ring"),
-            Self::Count(rings) => write!(f, "{rings} rings"),
-            Self::Named(name) => write!(f, "{name} rings"),
-        }
     }
 }
 
@@ -244,7 +201,7 @@ impl fmt::Display for Touching {
 
 /// Ticks in a cycle of this rate; `None` if it is no whole number, or the scene's models come later than that.
 pub(super) fn ticks_per_cycle(scene: &Scene, rate: f64) -> Option<u32> {
-    let ratio = 1.0 / (scene.tick * rate);
+    let ratio = scene.local_rate_hz() / rate;
     let ticks = ratio.round();
     let whole = (ratio - ticks).abs() <= 1e-9 * ratio && ticks >= 1.0 && ticks <= f64::from(u32::MAX);
     (whole && f64::from(scene.global.latency_ticks) < ticks).then_some(ticks as u32)

@@ -8,5 +8,5 @@ mod record;
 
 pub use errors::{Assessment, Errors, PERCEPTION, Status, WindowError, front};
 pub use grid::{Coverage, Grid, PAPER, PAPER_RATE_HZ, grid};
-pub use method::{Method, Names, Rings, Touching};
+pub use method::{Method, Names, Touching};
 pub use record::{REFINEMENT, Record, Reference};

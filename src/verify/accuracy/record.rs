@@ -4,8 +4,8 @@ use super::super::surfaces::whole;
 use super::method::Touching;
 use crate::Vec3;
 use crate::contact::law::Mode;
-use crate::contact::tick::Scheme;
-use crate::model::condensation::CondensationCounts;
+use crate::contact::rules::Scheme;
+use crate::local::condensation::CondensationCounts;
 use crate::model::work::WorkCounts;
 use crate::output::summary::Sample;
 use crate::pipeline::Simulation;
@@ -51,11 +51,10 @@ const NOTHING: Felt = Felt {
 /// ```
 /// use stickslip::{scene::Scene, verify::accuracy::Record};
 ///
-/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// scene.tick_count = 150;
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let record = Record::of(&scene)?;
 /// let samples = record.samples();
-/// assert_eq!((samples.len(), samples[0].time, &record.fault), (150, scene.tick, &None));
+/// assert_eq!((samples.len(), samples[0].time, &record.fault), (150, scene.tick_s(), &None));
 /// let squares: f64 = samples.iter().map(|sample| sample.force.norm_squared()).sum();
 /// assert!((record.force_rms_n() - (squares / 150.0).sqrt()).abs() < 1e-14);
 /// # Ok::<(), stickslip::scene::SceneError>(())
@@ -89,8 +88,8 @@ impl Record {
         let simulation = Simulation::prepare(scene)?;
         let rest = simulation.network().rest.clone();
         let mut record = Self {
-            felt: Vec::with_capacity((scene.tick_count / u64::from(ticks)) as usize),
-            tick: scene.tick * f64::from(ticks),
+            felt: Vec::with_capacity((scene.tick_count() / u64::from(ticks)) as usize),
+            tick: scene.tick_s() * f64::from(ticks),
             fault: None,
             energy_residual_rel: 0.0,
             work: WorkCounts::default(),
@@ -107,11 +106,9 @@ impl Record {
                 Scheme::Geometric { .. } => view.force,
                 Scheme::Velocity => mean,
             };
-            let (report, model) = (view.report, view.local.model());
+            let report = view.report;
             let place = report.touch.map(|touch| {
-                let weights = model.geometry.weights(&model.surface, &touch.point);
-                let node = |vertex: u32| model.surface.vertex_node[vertex as usize] as usize;
-                weights.map(|(vertex, weight)| rest[node(vertex)] * weight).sum()
+                view.local.surface().node_weights(&touch.point).map(|(node, weight)| rest[node] * weight).sum()
             });
             record.felt.push(Felt {
                 force,
@@ -120,13 +117,13 @@ impl Record {
                 mode: report.mode,
                 normal: report.touch.map(|touch| touch.normal),
                 place,
-                handed_over: view.tick > 0 && view.model_age == 0 && !scene.is_full,
+                handed_over: view.tick > 0 && view.model_age == 0 && !scene.is_full(),
             });
             record.energy_residual_rel = ratio(view.energy.residual(), view.energy.absolute_work);
             (record.work, record.condensation) = (view.work, view.condensation);
         });
         record.fault = end.err().map(|fault| fault.to_string());
-        record.felt.resize((scene.tick_count / u64::from(ticks)) as usize, NOTHING);
+        record.felt.resize((scene.tick_count() / u64::from(ticks)) as usize, NOTHING);
         Ok(record)
     }
 
@@ -179,8 +176,7 @@ impl Record {
 /// ```
 /// use stickslip::{scene::Scene, verify::accuracy::{Assessment, Errors, Method, Reference, Status}};
 ///
-/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// scene.tick_count = 150;
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let method = Method::of(&scene);
 /// let reference = Reference::of(&scene, method.touching)?;
 /// // The reference is the whole network at the haptic rate, and finds no error in itself.
@@ -220,10 +216,7 @@ impl Reference {
     /// If the scene cannot start.
     pub fn of(scene: &Scene, touching: Touching) -> Result<Self, SceneError> {
         let coarse = Self::scene(scene, touching);
-        let mut fine = coarse.clone();
-        fine.tick /= f64::from(REFINEMENT);
-        fine.tick_count *= u64::from(REFINEMENT);
-        fine.ticks_per_cycle = fine.ticks_per_cycle.saturating_mul(REFINEMENT);
+        let fine = coarse.clone().with_local_rate_hz(coarse.local_rate_hz() * f64::from(REFINEMENT))?;
         let (coarse, fine) = (Record::of(&coarse)?, Record::every(&fine, REFINEMENT)?);
         let floor = force_error(&fine, &coarse);
         Ok(Self { touching, coarse, fine, floor })

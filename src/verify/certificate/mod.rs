@@ -4,3 +4,5 @@
 pub mod bounds;
 pub mod causes;
 pub mod tail;
+#[cfg(all(feature = "realtime", target_os = "linux"))]
+pub mod verdict;

@@ -5,14 +5,14 @@ use std::ops::Range;
 use super::Quantity;
 use crate::Vec3;
 use crate::contact::law::{Law, Mode};
-use crate::contact::operators::Support;
-use crate::contact::subdivision::LARGEST_SUPPORT;
-use crate::contact::tick::Scheme;
-use crate::model::condensation::CondensationCounts;
+use crate::contact::rules::Scheme;
+use crate::local::condensation::CondensationCounts;
 use crate::model::mesh::Mesh;
 use crate::output::measures::is_tunnelling;
 use crate::pipeline::TickView;
 use crate::scene::Scene;
+use crate::surface::subdivision::LARGEST_SUPPORT;
+use crate::surface::support::Support;
 use crate::verify::residual::{larger, largest};
 
 /// What is kept of a run.
@@ -41,7 +41,7 @@ impl Watch {
             scheme: scene.contact.scheme,
             friction: match scene.contact.law {
                 Law::StickSlip { friction } => Some(friction),
-                Law::Sliding | Law::Sticking => None,
+                Law::Sliding | Law::Sticking | Law::Own(_) => None,
             },
             gravity: scene.material.gravity,
             rest: mesh.nodes.clone(),
@@ -54,7 +54,7 @@ impl Watch {
             moved: vec![0.0; mesh.nodes.len()],
             remains: f64::NAN,
             condensation: None,
-            last_tick: scene.tick_count - 1,
+            last_tick: scene.tick_count() - 1,
         }
     }
 

@@ -7,18 +7,19 @@ use nalgebra::{DMatrix, DVector};
 use super::{Axis, LONGEST, MapError, MapPoint, Touching, scheme};
 use crate::Vec3;
 use crate::contact::law::{Law, Mode};
-use crate::contact::operators::{Metric, Support};
-use crate::contact::subdivision::LARGEST_SUPPORT;
-use crate::contact::surface::{ContactGeometry, ContactPoint};
-use crate::contact::tick::{ContactRules, Deformation, LocalSimulation, RIGID_BELOW, Scheme};
+use crate::contact::rules::{ContactRules, Deformation, RIGID_BELOW, Scheme};
+use crate::contact::simulation::LocalSimulation;
 use crate::dynamics::stability::explicit_step_limit;
-use crate::model::local::{ExteriorKind, Linearization, LocalModel, LocalModelBuilder, LocalSettings, LocalState};
+use crate::local::model::{ExteriorKind, Linearization, LocalModel, LocalModelBuilder, LocalSettings, LocalState};
+use crate::local::patch::Extent;
+use crate::local::step::LocalIntegrator;
 use crate::model::network::Network;
-use crate::model::patch::Extent;
 use crate::model::springs::TangentKind;
-use crate::model::step::LocalIntegrator;
-use crate::model::surface::Surface;
+use crate::model::topology::Surface;
 use crate::scene::Scene;
+use crate::surface::geometry::{ContactPoint, SurfaceModel};
+use crate::surface::subdivision::LARGEST_SUPPORT;
+use crate::surface::support::{Metric, Support};
 
 /// Ticks of a measurement.
 const TICKS: usize = 1000;
@@ -44,6 +45,7 @@ const PERTURBATION: f64 = 1e-6;
 pub(super) struct Subject {
     integrator: LocalIntegrator,
     rules: ContactRules,
+    surface: SurfaceModel,
     model: LocalModel,
     at_rest: LocalState,
     /// Pressed in, in equilibrium with the tip.
@@ -73,31 +75,31 @@ impl Subject {
     pub(super) fn new(scene: &Scene, point: &MapPoint) -> Result<Self, MapError> {
         let mesh = scene.mesh.mesh();
         let surface = Arc::new(Surface::new(&mesh).map_err(|_| MapError::NoSurface)?);
-        let geometry = ContactGeometry::new(scene.surface, &surface).map_err(|_| MapError::NoSurface)?;
+        let surface = SurfaceModel::new(scene.surface, surface).map_err(|_| MapError::NoSurface)?;
         let mut material = scene.material.clone();
         material.gravity = Vec3::zeros();
         if point.axis == Axis::Stiffness {
             material.stiffness = point.value.into();
         }
-        let tangent = match scene.local.linearization {
+        let tangent = match scene.local().linearization {
             Linearization::Tangent(kind) => kind,
             Linearization::None => TangentKind::Exact,
         };
         let build = |material: &_, exterior, extent, touched| {
             let network = Network::new(&mesh, material, scene.fixed.clone())?;
             let settings = LocalSettings { extent, linearization: Linearization::Tangent(tangent), exterior };
-            let mut builder = LocalModelBuilder::new(&network, surface.clone(), geometry.clone(), settings);
+            let mut builder = LocalModelBuilder::new(&network, surface.clone(), settings);
             Ok::<_, MapError>(builder.build(&network, &network.rest_state(), scene.path.at(0.0), touched)?)
         };
         let scheme = scheme(scene, point.integrator);
         let rules = ContactRules { law: Law::Sticking, scheme, ..scene.contact };
-        let mut extent = scene.local.extent;
+        let mut extent = scene.local().extent;
         let (mut model, mut state) = build(&material, ExteriorKind::Fixed, extent, None)?;
         if extent == Extent::All || model.patch.len() > LARGEST_PATCH {
             extent = Extent::Rings(1);
             (model, state) = build(&material, ExteriorKind::Fixed, extent, None)?;
         }
-        let simulation = LocalSimulation::new(rules, 1.0, model, state);
+        let simulation = LocalSimulation::new(rules, 1.0, surface.clone(), model, state);
         let contact = simulation.shape().nearest(scene.path.at(0.0)).ok_or(MapError::NoSurface)?;
         let (model, _) = build(&material, ExteriorKind::Fixed, extent, Some(contact.triangle))?;
 
@@ -128,7 +130,7 @@ impl Subject {
         }
 
         let (model, at_rest) = build(&material, point.exterior.1, extent, Some(contact.triangle))?;
-        let simulation = LocalSimulation::new(rules, 1.0, model, at_rest.clone());
+        let simulation = LocalSimulation::new(rules, 1.0, surface.clone(), model, at_rest.clone());
         let touch = simulation.shape().touch(metric, &contact, &mut support);
         let free_weight = support.free_weight();
         if !(free_weight >= RIGID_BELOW) {
@@ -186,6 +188,7 @@ impl Subject {
         Ok(Self {
             integrator: point.integrator,
             rules,
+            surface,
             model,
             at_rest,
             pressed,
@@ -333,7 +336,7 @@ impl Subject {
         }
         let start = self.model.kinetic_energy(&state.v);
         let Ok((model, state)) = self.model.clone().integrated(state, self.integrator, h) else { return true };
-        let mut simulation = LocalSimulation::new(self.rules, h, model, state);
+        let mut simulation = LocalSimulation::new(self.rules, h, self.surface.clone(), model, state);
         if touching == Touching::Held {
             simulation.hold(self.contact);
         }

@@ -1,0 +1,408 @@
+//! Where the tip meets a Loop limit surface: its nearest point, by Newton with safeguards, walking from
+//! triangle to triangle; on which side of it the tip is; and when it passes inwards.
+
+use super::collision::{Collision, START_TOLERANCE};
+use super::shape::{Projection, Shape};
+use crate::Vec3;
+use crate::surface::geometry::ContactPoint;
+use crate::surface::subdivision::{DERIVATIVES, Jet, LimitSurface};
+use crate::surface::tree::Aabb;
+
+/// A search for the nearest point ends when its next step is shorter than this, in units of the
+/// distance between the triangle's corners. The point then is off by the square of it.
+const STEP_TOLERANCE: f64 = 1e-12;
+/// Newton needs three to six evaluations, and one for every triangle crossed. A search that takes
+/// this many has met a surface that folds onto itself; it answers with the best point it has.
+const LARGEST_SEARCH: usize = 200;
+
+/// Searches from another start, at most: each begins nearer than the one before ended.
+const RESTARTS: usize = 3;
+/// Halvings of a step that does not lead nearer, at most.
+const HALVINGS: usize = 30;
+
+/// A tick is looked at in pieces in which tip and surface move by no more than this share of an edge of
+/// the mesh: a body of that thickness is not passed through unseen.
+const PIECE: f64 = 0.25;
+/// Pieces, at most.
+const LARGEST_PIECES: f64 = 64.0;
+/// Looks for a moment inside, in a piece at whose ends the tip is outside. What they miss is a touch much
+/// shorter than a tick.
+const LOOKS: u32 = 12;
+/// Width in τ at which a passage is found.
+const TIME_TOLERANCE: f64 = 1e-15;
+
+/// A point of the limit surface with its derivatives by β and γ at one instant.
+///
+/// ```
+/// use stickslip::{Vec3, pipeline::Simulation, scene::Scene, surface::geometry::ContactGeometry};
+///
+/// let scene = Scene::shipped("fig3-sliding-subdivision").expect("shipped with the program");
+/// let simulation = Simulation::prepare(&scene)?;
+/// let block = simulation.local().shape();
+/// let ContactGeometry::Limit(limit) = &block.surface.geometry else { panic!("the scene says subdivision") };
+/// let tip = Vec3::new(0.001, 0.0013, 0.002);
+/// let point = block.limit_point(limit, &block.nearest(tip).expect("the surface is not empty"));
+/// assert!((point.position - Vec3::new(0.001, 0.0013, 0.0)).norm() < 1e-12); // flat, in the middle of the top
+/// assert!((point.normal() - Vec3::z()).norm() < 1e-12);
+/// assert!(point.tangents.iter().all(|tangent| tangent.dot(&point.normal()).abs() < 1e-15));
+/// assert!(point.curvatures.iter().all(|curvature| curvature.norm() < 1e-12));
+/// # Ok::<(), stickslip::scene::SceneError>(())
+/// ```
+#[derive(Debug, Clone, Copy)]
+pub struct LimitPoint {
+    /// p, m.
+    pub position: Vec3,
+    /// ∂p/∂β and ∂p/∂γ, m.
+    pub tangents: [Vec3; 2],
+    /// ∂²p/∂β², ∂²p/∂β∂γ, ∂²p/∂γ², m.
+    pub curvatures: [Vec3; 3],
+}
+
+impl LimitPoint {
+    /// n̂. Not finite where the surface has no tangent plane.
+    pub fn normal(&self) -> Vec3 {
+        self.tangents[0].cross(&self.tangents[1]).normalize()
+    }
+
+    fn along(&self, [b, g]: [f64; 2]) -> Vec3 {
+        self.tangents[0] * b + self.tangents[1] * g
+    }
+
+    /// The step to the nearest point of the second-order model of the squared distance where that has a
+    /// minimum and `newton` is asked for; else of the first-order model of the surface (Gauss–Newton),
+    /// which always leads downhill and is the same vector in space on both sides of an edge.
+    fn step(&self, offset: Vec3, newton: bool) -> [f64; 2] {
+        let [pb, pg] = self.tangents;
+        let [pbb, pbg, pgg] = self.curvatures;
+        let downhill = [offset.dot(&pb), offset.dot(&pg)];
+        let metric = [pb.norm_squared(), pb.dot(&pg), pg.norm_squared()];
+        let hessian = [metric[0] - offset.dot(&pbb), metric[1] - offset.dot(&pbg), metric[2] - offset.dot(&pgg)];
+        let determinant = |[a, b, c]: [f64; 3]| a * c - b * b;
+        let convex = hessian[0] > 0.0 && determinant(hessian) > 0.0;
+        let [a, b, c] = if newton && convex { hessian } else { metric };
+        let scale = 1.0 / determinant([a, b, c]);
+        [(c * downhill[0] - b * downhill[1]) * scale, (a * downhill[1] - b * downhill[0]) * scale]
+    }
+
+    /// The same along one direction of the parameters.
+    fn step_along(&self, offset: Vec3, [b, g]: [f64; 2]) -> [f64; 2] {
+        let tangent = self.along([b, g]);
+        let curvature =
+            self.curvatures[0] * (b * b) + self.curvatures[1] * (2.0 * b * g) + self.curvatures[2] * (g * g);
+        let metric = tangent.norm_squared();
+        let hessian = metric - offset.dot(&curvature);
+        let t = offset.dot(&tangent) / if hessian > 0.0 { hessian } else { metric };
+        [b * t, g * t]
+    }
+}
+
+/// How a search for the nearest point ended.
+struct Search {
+    point: ContactPoint,
+    surface: LimitPoint,
+    over_border: bool,
+}
+
+impl Shape<'_> {
+    /// The limit surface at a contact point.
+    pub fn limit_point(&self, limit: &LimitSurface, point: &ContactPoint) -> LimitPoint {
+        self.limit_point_of(limit, point.triangle, &limit.jet(point.triangle, point.weights))
+    }
+
+    pub(super) fn limit_point_of(&self, limit: &LimitSurface, triangle: u32, jet: &Jet) -> LimitPoint {
+        let mut sums = [Vec3::zeros(); DERIVATIVES];
+        for (&vertex, entry) in limit.support(triangle).iter().zip(jet.entries()) {
+            let x = self.model.vertex(vertex, self.x, self.elapsed);
+            sums.iter_mut().zip(entry).for_each(|(sum, weight)| *sum += x * *weight);
+        }
+        let [position, pb, pg, pbb, pbg, pgg] = sums;
+        LimitPoint { position, tangents: [pb, pg], curvatures: [pbb, pbg, pgg] }
+    }
+
+    /// The nearest point that a walk downhill from `from` finds; over the border of an open surface the
+    /// contact ends.
+    pub(super) fn project_onto_limit(&self, limit: &LimitSurface, from: &ContactPoint, q: Vec3) -> Projection {
+        let search = self.descend(limit, *from, q);
+        if search.over_border { Projection::OverBorder } else { Projection::Found(search.point) }
+    }
+
+    /// The nearest point of the limit surface.
+    pub(super) fn nearest_on_limit(&self, limit: &LimitSurface, q: Vec3) -> Option<ContactPoint> {
+        Some(self.search(limit, q)?.point)
+    }
+
+    /// Downhill from the nearest point of the control mesh; and again, if the middle of another triangle's
+    /// surface is nearer than what that led to. Where the mesh is crumpled the two differ: control vertices
+    /// stick out of the surface that they make.
+    fn search(&self, limit: &LimitSurface, q: Vec3) -> Option<Search> {
+        let mut best = self.descend(limit, self.nearest_on_triangles(q)?, q);
+        for _ in 0..RESTARTS {
+            let distance = (q - best.surface.position).norm();
+            let reach = self.reach();
+            let mut nearer: (f64, Option<ContactPoint>) = (distance, None);
+            let look = |nearer: &mut (f64, Option<ContactPoint>), triangle: u32| {
+                let middle = ContactPoint { triangle, weights: [1.0 / 3.0; 3] };
+                let away = (q - self.limit_point(limit, &middle).position).norm();
+                if away < nearer.0 {
+                    *nearer = (away, Some(middle));
+                }
+            };
+            // The surface over a triangle lies in the convex hull of its support.
+            self.model.boxes.search(&mut nearer, |nearer, aabb| aabb.distance(q) - reach < nearer.0, look);
+            let Some(start) = nearer.1 else { break };
+            best = self.descend(limit, start, q);
+        }
+        Some(best)
+    }
+
+    /// The longest edge of the control triangle nearest to q, m.
+    fn edge_near(&self, q: Vec3) -> Option<f64> {
+        let [a, b, c] = self.corners(self.nearest_on_triangles(q)?.triangle);
+        Some((b - a).norm().max((c - b).norm()).max((a - c).norm()))
+    }
+
+    /// Distance of q from the limit surface, m, negative on the inner side of its nearest point; NaN if
+    /// the surface is not finite.
+    pub(super) fn signed_distance_to_limit(&self, limit: &LimitSurface, q: Vec3) -> f64 {
+        self.search(limit, q).map_or(f64::NAN, |search| signed(q, &search.surface))
+    }
+
+    /// Minimises |q − p(β, γ)| over the surface. A step that leaves its triangle ends on the edge, and
+    /// the search goes on in the neighbour; at a border it goes on along it.
+    fn descend(&self, limit: &LimitSurface, from: ContactPoint, q: Vec3) -> Search {
+        let [a, b, c] = self.corners(from.triangle);
+        let shortest = STEP_TOLERANCE * (b - a).norm().max((c - a).norm());
+        let mut here = ContactPoint { triangle: from.triangle, weights: from.weights.map(|w| w.max(0.0)) };
+        let mut surface = self.limit_point(limit, &here);
+        let mut came_from = None;
+        let mut newton = true;
+        let mut over_border = false;
+        for _ in 0..LARGEST_SEARCH {
+            let offset = q - surface.position;
+            let mut step = surface.step(offset, newton);
+            let border = self.border_ahead(&here, step);
+            over_border = border.is_some();
+            if let Some(opposite) = border {
+                step = surface.step_along(offset, EDGE_DIRECTIONS[opposite]);
+            }
+            let length = surface.along(step).norm();
+            // Also where the surface is not finite: the tick turns that into a fault.
+            if !(length > shortest) {
+                break;
+            }
+            let Some((next, crossed, moved)) = self.advance(limit, &here, &surface, q, step) else { break };
+            if let Some(neighbor) = crossed {
+                // Back across the edge just crossed: the second-order models of the two sides disagree.
+                newton &= came_from != Some(neighbor);
+                came_from = Some(here.triangle);
+            }
+            (here, surface) = (next, moved);
+        }
+        Search { point: here, surface, over_border }
+    }
+
+    /// The edge, by the corner opposite, over which the search is about to leave an open surface: the
+    /// point is on it, and the step points outwards.
+    fn border_ahead(&self, here: &ContactPoint, step: [f64; 2]) -> Option<usize> {
+        let change = [-step[0] - step[1], step[0], step[1]];
+        (0..3).find(|&k| {
+            here.weights[k] <= 0.0
+                && change[k] < 0.0
+                && self.surface.topology.neighbors[here.triangle as usize][k].is_none()
+        })
+    }
+
+    /// Takes a step, shortened until it leads nearer, and cut at the edge of the triangle. `None` if no
+    /// step leads nearer. Also tells the triangle entered, if any.
+    fn advance(
+        &self,
+        limit: &LimitSurface,
+        here: &ContactPoint,
+        surface: &LimitPoint,
+        q: Vec3,
+        step: [f64; 2],
+    ) -> Option<(ContactPoint, Option<u32>, LimitPoint)> {
+        // Near the end, and on entering the next triangle, the distance does not change but by round-off.
+        let distance = (q - surface.position).norm();
+        let round_off = ROUND_OFF * (q.norm() + surface.position.norm());
+        let change = [-step[0] - step[1], step[0], step[1]];
+        let mut fraction = 1.0;
+        for _ in 0..HALVINGS {
+            let (mut point, crossed) = self.moved(here, change.map(|c| c * fraction));
+            if let Some(neighbor) = crossed {
+                point = self.across(&point, neighbor);
+            }
+            let moved = self.limit_point(limit, &point);
+            if (q - moved.position).norm() <= distance + round_off {
+                return Some((point, crossed, moved));
+            }
+            fraction *= 0.5;
+        }
+        None
+    }
+
+    /// Moves within a triangle as far as its edge; with the triangle beyond, if it ends there.
+    fn moved(&self, here: &ContactPoint, change: [f64; 3]) -> (ContactPoint, Option<u32>) {
+        let mut exit: Option<(f64, usize)> = None;
+        for (k, (weight, change)) in here.weights.into_iter().zip(change).enumerate() {
+            if weight + change < 0.0 {
+                let at = weight / -change;
+                if exit.is_none_or(|(first, _)| at < first) {
+                    exit = Some((at, k));
+                }
+            }
+        }
+        let (fraction, opposite) = exit.map_or((1.0, None), |(at, k)| (at, Some(k)));
+        let mut weights: [f64; 3] = std::array::from_fn(|k| (here.weights[k] + change[k] * fraction).max(0.0));
+        if let Some(k) = opposite {
+            weights[k] = 0.0;
+        }
+        let sum: f64 = weights.iter().sum();
+        let point = ContactPoint { triangle: here.triangle, weights: weights.map(|w| w / sum) };
+        let neighbors = &self.surface.topology.neighbors[here.triangle as usize];
+        (point, opposite.and_then(|k| neighbors[k]))
+    }
+
+    /// The same point of a shared edge, as a point of the neighbour.
+    fn across(&self, point: &ContactPoint, neighbor: u32) -> ContactPoint {
+        let triangles = &self.surface.topology.triangles;
+        let from = triangles[point.triangle as usize];
+        let weights = triangles[neighbor as usize].map(|vertex| {
+            let k = from.iter().position(|&v| v == vertex);
+            k.map_or(0.0, |k| point.weights[k])
+        });
+        ContactPoint { triangle: neighbor, weights }
+    }
+}
+
+/// Of a distance, relative to the positions it is between: of two sums of about twelve terms.
+const ROUND_OFF: f64 = 16.0 * f64::EPSILON;
+
+/// ∂(β, γ) along the edge opposite each corner.
+const EDGE_DIRECTIONS: [[f64; 2]; 3] = [[-1.0, 1.0], [0.0, 1.0], [1.0, 0.0]];
+
+fn signed(q: Vec3, nearest: &LimitPoint) -> f64 {
+    let offset = q - nearest.position;
+    let side = offset.dot(&nearest.tangents[0].cross(&nearest.tangents[1]));
+    if side > 0.0 {
+        offset.norm()
+    } else if side <= 0.0 {
+        -offset.norm()
+    } else {
+        f64::NAN
+    }
+}
+
+/// τ, and the signed distance of the tip then, m.
+type Moment = (f64, f64);
+
+/// The surface while it moves from its place at the start of a tick to the predicted one.
+pub(super) struct MovingLimit<'a> {
+    pub limit: &'a LimitSurface,
+    pub start: Shape<'a>,
+    pub end: Shape<'a>,
+    pub between: &'a mut [Vec3],
+    pub q0: Vec3,
+    pub q1: Vec3,
+}
+
+impl MovingLimit<'_> {
+    /// When and where the tip passes from the outer to the inner side. A tip that is inside at the start
+    /// passes through nothing.
+    pub fn first_collision(&mut self, tested: &mut u64) -> Option<Collision> {
+        // The surface over a triangle lies in the convex hull of its support.
+        let tip = Aabb::around([self.q0, self.q1]).grown(START_TOLERANCE);
+        let reachable = tip.grown(self.start.reach().max(self.end.reach()));
+        let mut near = 0;
+        self.start.model.boxes.search(&mut near, |_, aabb| aabb.overlaps(&reachable), |near, _| *near += 1);
+        *tested += near;
+        if near == 0 {
+            return None;
+        }
+
+        let speed = (self.q1 - self.q0).norm() + self.fastest();
+        let mut before = (0.0, self.distance(0.0));
+        // Further away than all that moves can move.
+        if !(before.1 >= -START_TOLERANCE && before.1 <= speed) {
+            return None;
+        }
+        before.1 = before.1.max(0.0);
+        let edge = self.start.edge_near(self.q0)?;
+        let pieces = (speed / (PIECE * edge)).ceil().clamp(1.0, LARGEST_PIECES);
+        for piece in 1..=pieces as u32 {
+            let time = f64::from(piece) / pieces;
+            let after = (time, self.distance(time));
+            let mut looks = LOOKS;
+            if let Some((outside, inside)) = self.passage(before, after, speed, &mut looks) {
+                let time = self.root_between(outside, inside);
+                let point = self.at(time, |shape, limit, q| shape.nearest_on_limit(limit, q))?;
+                return Some(Collision { time, point });
+            }
+            before = after;
+        }
+        None
+    }
+
+    /// A moment outside and a later one inside, between a moment outside and another: the first that is
+    /// found by halving wherever the distance, which changes by no more than `speed`, can reach zero.
+    fn passage(&mut self, from: Moment, to: Moment, speed: f64, looks: &mut u32) -> Option<(Moment, Moment)> {
+        if to.1 < 0.0 {
+            return Some((from, to));
+        }
+        if *looks == 0 || !(from.1 + to.1 <= speed * (to.0 - from.0)) {
+            return None;
+        }
+        *looks -= 1;
+        let time = 0.5 * (from.0 + to.0);
+        let middle = (time, self.distance(time));
+        self.passage(from, middle, speed, looks).or_else(|| self.passage(middle, to, speed, looks))
+    }
+
+    /// Largest movement of a vertex in the tick, m.
+    fn fastest(&self) -> f64 {
+        let moved = self.start.x.iter().zip(self.end.x).map(|(from, to)| (to - from).norm_squared());
+        moved.fold(0.0, f64::max).sqrt().max(self.start.model.drift(self.end.elapsed - self.start.elapsed))
+    }
+
+    /// Signed distance of the tip at τ, m.
+    fn distance(&mut self, time: f64) -> f64 {
+        self.at(time, |shape, limit, q| shape.signed_distance_to_limit(limit, q))
+    }
+
+    fn at<T>(&mut self, time: f64, evaluate: impl Fn(Shape, &LimitSurface, Vec3) -> T) -> T {
+        let between = |from: Vec3, to: Vec3| from + (to - from) * time;
+        for ((x, from), to) in self.between.iter_mut().zip(self.start.x).zip(self.end.x) {
+            *x = between(*from, *to);
+        }
+        let elapsed = self.start.elapsed + (self.end.elapsed - self.start.elapsed) * time;
+        let shape = Shape { x: self.between, elapsed, ..self.start };
+        evaluate(shape, self.limit, between(self.q0, self.q1))
+    }
+
+    /// The zero between a τ outside and one inside: false position with Illinois' rule, and a
+    /// bisection wherever that stalls.
+    fn root_between(&mut self, mut outside: Moment, mut inside: Moment) -> f64 {
+        let mut last_side = 0.0;
+        for round in 0..200 {
+            if !(inside.0 - outside.0 > TIME_TOLERANCE) {
+                break;
+            }
+            let share = outside.1 / (outside.1 - inside.1);
+            let guess = outside.0 + (inside.0 - outside.0) * if round % 3 == 2 { 0.5 } else { share };
+            if !(guess > outside.0 && guess < inside.0) {
+                break;
+            }
+            let distance = self.distance(guess);
+            if distance >= 0.0 {
+                outside = (guess, distance);
+                inside.1 *= if last_side > 0.0 { 0.5 } else { 1.0 };
+                last_side = 1.0;
+            } else {
+                inside = (guess, distance);
+                outside.1 *= if last_side < 0.0 { 0.5 } else { 1.0 };
+                last_side = -1.0;
+            }
+        }
+        outside.0
+    }
+}

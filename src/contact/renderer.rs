@@ -1,0 +1,138 @@
+//! The door for a renderer of one's own: tip positions in, forces out, over a body that deforms.
+//!
+//! A [`Renderer`] lives on the global side and builds a [`RendererModel`] from the network's state at every hand-over;
+//! the model lives on the servo side and renders ticks until the next one takes over. Contact, local model and friction
+//! law are then all the renderer's own; the scene's local model and scheme are not used.
+
+use std::any::Any;
+use std::fmt;
+
+use dyn_clone::DynClone;
+use thiserror::Error;
+
+use crate::Vec3;
+use crate::contact::law::Mode;
+use crate::model::network::Network;
+use crate::surface::geometry::{ContactPoint, SurfaceModel};
+
+/// What a renderer is given of the body: constant within a run.
+#[derive(Debug, Clone, Copy)]
+pub struct Body<'a> {
+    /// Nodes, masses and springs.
+    pub network: &'a Network,
+    /// The boundary triangles, and the surface that the scene asks for.
+    pub surface: &'a SurfaceModel,
+}
+
+/// The network at a hand-over.
+#[derive(Debug, Clone, Copy)]
+pub struct BodyState<'a> {
+    /// Node positions, m.
+    pub x: &'a [Vec3],
+    /// Node velocities, m/s.
+    pub v: &'a [Vec3],
+    /// The tip, m.
+    pub tip: Vec3,
+    /// The contact point at the boundary, as the renderer's last tick reported it; `None` if it was free.
+    pub contact: Option<ContactPoint>,
+}
+
+/// What a renderer's tick gives.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rendered {
+    /// Force on the instrument, N.
+    pub force: Vec3,
+    /// What the contact did.
+    pub mode: Mode,
+    /// The contact point and its outward unit normal; `None` when free. Without
+    /// [`moved`](RendererModel::moved), minus the force acts on the network at this point.
+    pub contact: Option<(ContactPoint, Vec3)>,
+}
+
+impl Rendered {
+    /// No contact, no force.
+    pub const FREE: Self = Self { force: Vec3::new(0.0, 0.0, 0.0), mode: Mode::Free, contact: None };
+}
+
+/// Why a renderer cannot go on. It ends the run with a named fault.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[error("the renderer failed: {0}")]
+pub struct RendererFault(pub &'static str);
+
+/// Nodes that a renderer moves itself, with their positions (m) and velocities (m/s): three slices of one length.
+#[derive(Debug, Clone, Copy)]
+pub struct MovedNodes<'a> {
+    /// Node indices.
+    pub nodes: &'a [u32],
+    /// Positions, m.
+    pub x: &'a [Vec3],
+    /// Velocities, m/s.
+    pub v: &'a [Vec3],
+}
+
+/// A renderer of one's own, on the global side.
+///
+/// Contract: it is clonable and `Send`, since runs are copied and moved between threads; it is deterministic: the same
+/// states give models that render the same forces to the bit. It may allocate and take its time: only the next model
+/// waits for it.
+///
+/// ```
+/// use stickslip::{Body, BodyState, Mode, OwnParts, Rendered, Renderer, RendererFault, RendererModel, Scene, Simulation, Vec3};
+///
+/// /// A rigid half-space below z = 0, rendered as a spring.
+/// #[derive(Debug, Clone)]
+/// struct Floor {
+///     stiffness_n_per_m: f64,
+/// }
+/// impl Renderer for Floor {
+///     fn build(&mut self, _: Body<'_>, _: BodyState<'_>) -> Result<Box<dyn RendererModel>, RendererFault> {
+///         Ok(Box::new(self.clone()))
+///     }
+/// }
+/// impl RendererModel for Floor {
+///     fn tick(&mut self, _before: Vec3, tip: Vec3) -> Result<Rendered, RendererFault> {
+///         let force = Vec3::z() * (-tip.z * self.stiffness_n_per_m).max(0.0);
+///         Ok(if force.z > 0.0 { Rendered { force, mode: Mode::Slide, contact: None } } else { Rendered::FREE })
+///     }
+/// }
+///
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program"); // pressed in by 3 mm
+/// let own = OwnParts { renderer: Some(Box::new(Floor { stiffness_n_per_m: 200.0 })), ..OwnParts::default() };
+/// let mut peak_n = 0.0_f64;
+/// Simulation::prepare_with(&scene, own)?.run(|tick| peak_n = peak_n.max(tick.force.z))?;
+/// assert!((peak_n - 0.6).abs() < 1e-12);
+/// # Ok::<(), stickslip::RunError>(())
+/// ```
+pub trait Renderer: DynClone + fmt::Debug + Send {
+    /// A model of the network at a hand-over, ready for ticks.
+    ///
+    /// # Errors
+    /// If there is none; the run ends in a named fault.
+    fn build(&mut self, body: Body<'_>, state: BodyState<'_>) -> Result<Box<dyn RendererModel>, RendererFault>;
+}
+
+dyn_clone::clone_trait_object!(Renderer);
+
+/// What a renderer runs on the servo side between two hand-overs.
+///
+/// Contract: it is clonable and `Send`; a tick allocates nothing, locks nothing and does no I/O, and depends on nothing
+/// but its arguments and the ticks before. A force that is not finite never reaches the instrument: it ends the run.
+pub trait RendererModel: Any + DynClone + fmt::Debug + Send {
+    /// Goes on where the model in use until now has stopped. Called once, before the first tick; the old model goes back
+    /// to the global side and is freed there.
+    fn take_over(&mut self, _old: &mut dyn RendererModel) {}
+
+    /// One tick, in which the tip goes from `before` to `tip`, m.
+    ///
+    /// # Errors
+    /// With a fault, which ends the run.
+    fn tick(&mut self, before: Vec3, tip: Vec3) -> Result<Rendered, RendererFault>;
+
+    /// The nodes that the last tick has moved, for the global side, which prescribes them; the set may change at a
+    /// hand-over only. `None`: the network is moved by minus the force, at the contact point.
+    fn moved(&self) -> Option<MovedNodes<'_>> {
+        None
+    }
+}
+
+dyn_clone::clone_trait_object!(RendererModel);

@@ -1,0 +1,293 @@
+//! The contact surface at one instant: where a contact point is, which way its normal points, and
+//! how it follows the tip from triangle to triangle.
+
+use crate::local::model::LocalModel;
+use crate::local::patch::OUTSIDE;
+use crate::surface::geometry::{ContactGeometry, ContactPoint, SurfaceModel};
+use crate::surface::support::{Metric, Support};
+use crate::{Mat3, Vec3};
+
+/// The surface at one instant.
+///
+/// ```
+/// use stickslip::surface::support::{Metric, Support};
+/// use stickslip::contact::shape::{Projection, Visited};
+/// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
+///
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// let simulation = Simulation::prepare(&scene)?;
+/// let block = simulation.local().shape();
+/// assert_eq!(block.reach(), 0.0); // nothing has moved yet
+///
+/// let tip = Vec3::new(0.001, 0.002, 0.003); // 3 mm above its top, z = 0
+/// assert!((block.signed_distance(tip) - 0.003).abs() < 1e-15 && block.is_outside(tip));
+/// let point = block.nearest(tip).expect("the surface is not empty");
+/// let touch = block.touch(Metric::Euclidean, &point, &mut Support::with_capacity(3));
+/// assert!((touch.normal - Vec3::z()).norm() < 1e-15);
+/// assert!((touch.position - Vec3::new(0.001, 0.002, 0.0)).norm() < 1e-15);
+/// assert_eq!(block.position(&point), touch.position);
+///
+/// // Following the tip from triangle to triangle leads to the foot of its height.
+/// let far = Vec3::new(0.031, -0.022, -0.001);
+/// let mut visited = Visited::new(simulation.surface().triangles.len());
+/// let Projection::Found(there) = block.project(&point, far, &mut visited) else { panic!("over the border") };
+/// assert!((block.position(&there) - Vec3::new(0.031, -0.022, 0.0)).norm() < 1e-15);
+///
+/// // A lattice square is cut into two triangles.
+/// let [a, b, c] = block.corners(there.triangle);
+/// assert!((block.area_normal(there.triangle).norm() - 0.0125 * 0.0125).abs() < 1e-15);
+/// assert!((there.position([a, b, c]) - block.position(&there)).norm() < 1e-15);
+/// # Ok::<(), stickslip::scene::SceneError>(())
+/// ```
+#[derive(Debug, Clone, Copy)]
+pub struct Shape<'a> {
+    /// The surface of the whole body.
+    pub surface: &'a SurfaceModel,
+    /// The local model, which says where its vertices are.
+    pub model: &'a LocalModel,
+    /// Positions of the patch's slots, m.
+    pub x: &'a [Vec3],
+    /// Seconds since the state the model was built from.
+    pub elapsed: f64,
+}
+
+/// A contact located at one instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Touch {
+    /// The material point.
+    pub point: ContactPoint,
+    /// Its position, m.
+    pub position: Vec3,
+    /// n̂.
+    pub normal: Vec3,
+}
+
+/// Where a projection led.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Projection {
+    /// To this point.
+    Found(ContactPoint),
+    /// Over the border of an open surface.
+    OverBorder,
+}
+
+/// Triangles that a walk has seen, without clearing between walks.
+#[derive(Debug, Clone)]
+pub struct Visited {
+    stamp: Vec<u64>,
+    walk: u64,
+}
+
+impl Visited {
+    /// For a surface of this many triangles.
+    pub fn new(triangles: usize) -> Self {
+        Self { stamp: vec![0; triangles], walk: 0 }
+    }
+
+    fn start(&mut self) {
+        self.walk += 1;
+    }
+
+    fn mark(&mut self, triangle: u32) {
+        self.stamp[triangle as usize] = self.walk;
+    }
+
+    fn contains(&self, triangle: u32) -> bool {
+        self.stamp[triangle as usize] == self.walk
+    }
+}
+
+/// Newton steps of the projection along the normal field end when no weight changes by more.
+const NEWTON_TOLERANCE: f64 = 1e-12;
+/// Quadratic convergence needs five or six from anywhere in a triangle; a search that takes more
+/// than this goes in circles.
+const NEWTON_STEPS: usize = 40;
+
+impl<'a> Shape<'a> {
+    /// Corners of a triangle, m.
+    #[inline]
+    pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
+        self.surface.topology.triangles[triangle as usize].map(|v| self.model.vertex(v, self.x, self.elapsed))
+    }
+
+    /// How far, m, a vertex may be from where it was when the model was built.
+    pub fn reach(&self) -> f64 {
+        self.model.reach(self.x, self.elapsed)
+    }
+
+    /// Where a contact point is, m.
+    pub fn position(&self, point: &ContactPoint) -> Vec3 {
+        match &self.surface.geometry {
+            ContactGeometry::Faceted | ContactGeometry::Shaded => point.position(self.corners(point.triangle)),
+            ContactGeometry::Limit(limit) => self.limit_point(limit, point).position,
+        }
+    }
+
+    /// Cross product of two edges: twice the area, along the outward normal, m².
+    pub fn area_normal(&self, triangle: u32) -> Vec3 {
+        let [a, b, c] = self.corners(triangle);
+        (b - a).cross(&(c - a))
+    }
+
+    /// A contact as it stands at this instant, and its W. n̂ is not finite where the triangle has no
+    /// area, or the limit surface no tangent plane.
+    pub fn touch(&self, metric: Metric, point: &ContactPoint, support: &mut Support) -> Touch {
+        let triangle = point.triangle;
+        let (position, normal) = match &self.surface.geometry {
+            ContactGeometry::Faceted => {
+                self.set_support(metric, triangle, point.weights, support);
+                (point.position(self.corners(triangle)), self.area_normal(triangle).normalize())
+            }
+            ContactGeometry::Shaded => {
+                self.set_support(metric, triangle, point.weights, support);
+                let [na, nb, nc] = self.vertex_normals(triangle);
+                let [alpha, beta, gamma] = point.weights;
+                (point.position(self.corners(triangle)), (na * alpha + nb * beta + nc * gamma).normalize())
+            }
+            ContactGeometry::Limit(limit) => {
+                let jet = limit.jet(triangle, point.weights);
+                self.set_support(metric, triangle, jet.entries().iter().map(|entry| entry[0]), support);
+                let surface = self.limit_point_of(limit, triangle, &jet);
+                (surface.position, surface.normal())
+            }
+        };
+        Touch { point: *point, position, normal }
+    }
+
+    /// Normalised sums of the area normals around each corner.
+    fn vertex_normals(&self, triangle: u32) -> [Vec3; 3] {
+        self.surface.topology.triangles[triangle as usize].map(|vertex| {
+            let around = self.surface.topology.incident(vertex);
+            around.iter().map(|&t| self.area_normal(t)).sum::<Vec3>().normalize()
+        })
+    }
+
+    /// W of a contact point: the nodes of its support that are free and in the patch.
+    fn set_support(
+        &self,
+        metric: Metric,
+        triangle: u32,
+        weights: impl IntoIterator<Item = f64>,
+        support: &mut Support,
+    ) {
+        let patch = &self.model.patch;
+        let vertices = self.surface.support(triangle);
+        support.set(
+            metric,
+            vertices.iter().zip(weights).filter_map(|(&vertex, weight)| {
+                let slot = patch.vertex_slot[vertex as usize];
+                (slot != OUTSIDE).then(|| (slot as usize, weight, patch.inverse_mass[slot as usize]))
+            }),
+        );
+    }
+
+    /// Projects q onto the surface, walking from triangle to triangle.
+    ///
+    /// A projection that leaves its triangle crosses the edge opposite its most negative weight. In
+    /// front of a triangle already seen, which is so in a valley, it takes the nearest point of the
+    /// shared edge and the lower of the two triangles.
+    ///
+    /// On a limit surface it is the nearest point.
+    pub fn project(&self, from: &ContactPoint, q: Vec3, visited: &mut Visited) -> Projection {
+        let along_field = match &self.surface.geometry {
+            ContactGeometry::Faceted => false,
+            ContactGeometry::Shaded => true,
+            ContactGeometry::Limit(limit) => return self.project_onto_limit(limit, from, q),
+        };
+        visited.start();
+        let mut here = *from;
+        loop {
+            visited.mark(here.triangle);
+            let found = if !along_field {
+                self.onto_plane(here.triangle, q)
+            } else if let Some(point) = self.along_normals(&here, q) {
+                point
+            } else if let Some(point) = self.nearest_on_triangles(q) {
+                // The normal field of this triangle has no ray through q.
+                return Projection::Found(point);
+            } else {
+                self.onto_plane(here.triangle, q)
+            };
+            let (opposite, least) = least_weight(found.weights);
+            // Also where the weights are not finite: the tick turns these into a fault.
+            if !(least < 0.0) {
+                return Projection::Found(found);
+            }
+            let Some(next) = self.surface.topology.neighbors[here.triangle as usize][opposite] else {
+                return Projection::OverBorder;
+            };
+            if visited.contains(next) {
+                return Projection::Found(self.on_shared_edge(here.triangle, opposite, next, q));
+            }
+            // A walk starts Newton's search in the middle of the next triangle.
+            here = ContactPoint { triangle: next, weights: [1.0 / 3.0; 3] };
+        }
+    }
+
+    /// Orthogonal projection onto the plane of a triangle.
+    fn onto_plane(&self, triangle: u32, q: Vec3) -> ContactPoint {
+        let [a, b, c] = self.corners(triangle);
+        ContactPoint { triangle, weights: plane_weights(b - a, c - a, q - a) }
+    }
+
+    /// The point whose interpolated normal passes through q: p(w) + t n(w) = q, by Newton.
+    fn along_normals(&self, from: &ContactPoint, q: Vec3) -> Option<ContactPoint> {
+        let [a, b, c] = self.corners(from.triangle);
+        let [na, nb, nc] = self.vertex_normals(from.triangle);
+        let [_, mut beta, mut gamma] = from.weights;
+        let mut t = 0.0;
+        for _ in 0..NEWTON_STEPS {
+            let alpha = 1.0 - beta - gamma;
+            let normal = na * alpha + nb * beta + nc * gamma;
+            let residual = q - (a * alpha + b * beta + c * gamma) - normal * t;
+            let jacobian = Mat3::from_columns(&[(b - a) + (nb - na) * t, (c - a) + (nc - na) * t, normal]);
+            let step = jacobian.try_inverse()? * residual;
+            beta += step.x;
+            gamma += step.y;
+            t += step.z;
+            if step.x.abs() <= NEWTON_TOLERANCE && step.y.abs() <= NEWTON_TOLERANCE {
+                return Some(ContactPoint { triangle: from.triangle, weights: [1.0 - beta - gamma, beta, gamma] });
+            }
+        }
+        None
+    }
+
+    /// The point of the edge between two triangles that is nearest to q.
+    fn on_shared_edge(&self, triangle: u32, opposite: usize, neighbor: u32, q: Vec3) -> ContactPoint {
+        let lower = triangle.min(neighbor);
+        let triangles = &self.surface.topology.triangles;
+        let ends = [1, 2].map(|k| triangles[triangle as usize][(opposite + k) % 3]);
+        let [start, end] = ends.map(|vertex| self.model.vertex(vertex, self.x, self.elapsed));
+        let along = end - start;
+        let t = ((q - start).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
+        let weights = triangles[lower as usize].map(|vertex| {
+            if vertex == ends[0] {
+                1.0 - t
+            } else if vertex == ends[1] {
+                t
+            } else {
+                0.0
+            }
+        });
+        ContactPoint { triangle: lower, weights }
+    }
+}
+
+/// Barycentric weights of the orthogonal projection of a + aq onto the plane of a, a + ab, a + ac.
+pub(super) fn plane_weights(ab: Vec3, ac: Vec3, aq: Vec3) -> [f64; 3] {
+    let normal = ab.cross(&ac);
+    let scale = 1.0 / normal.norm_squared();
+    let beta = aq.cross(&ac).dot(&normal) * scale;
+    let gamma = ab.cross(&aq).dot(&normal) * scale;
+    [1.0 - beta - gamma, beta, gamma]
+}
+
+fn least_weight(weights: [f64; 3]) -> (usize, f64) {
+    let mut least = (0, weights[0]);
+    for (i, &weight) in weights.iter().enumerate().skip(1) {
+        if weight < least.1 {
+            least = (i, weight);
+        }
+    }
+    least
+}

@@ -1,0 +1,200 @@
+//! The local side between ticks: the model in use, its state, and the contact.
+
+use super::collision::{Hits, START_TOLERANCE};
+use super::renderer::{MovedNodes, RendererFault, RendererModel};
+use super::rules::{ContactRules, Scheme};
+use super::shape::{Shape, Visited};
+use super::state::{Contact, ContactState};
+use crate::Vec3;
+use crate::local::model::{LocalModel, LocalState};
+use crate::surface::geometry::{ContactPoint, SurfaceModel};
+use crate::surface::subdivision::LARGEST_SUPPORT;
+use crate::surface::support::Support;
+
+/// The local side: the model in use, its state, and the contact.
+///
+/// ```
+/// use stickslip::{Vec3, contact::law::Mode, contact::report::TickReport, pipeline::Simulation, scene::Scene};
+///
+/// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
+/// let mut local = Simulation::prepare(&scene)?.into_sides().servo.into_local();
+/// // From 1 mm above the block to 1 mm below where its top was, in 20 ms.
+/// let (mut tip, mut report) = (Vec3::new(-0.03, 0.0013, 0.001), TickReport::none());
+/// for _ in 0..20 {
+///     let next = tip - Vec3::z() * 1e-4;
+///     report = local.tick(tip, next);
+///     tip = next;
+/// }
+/// assert_eq!((report.mode, local.model_age()), (Mode::Stick, 20));
+/// assert!(report.normal_force > 0.0); // it pushes back
+/// let contact = local.contact().expect("the tip is in contact");
+/// assert!((local.shape().position(&contact.point) - tip).norm() < 1e-12); // the mesh is where the tip is
+/// assert_eq!(local.state().x.len(), local.model().patch.len() + local.model().patch.boundary.len());
+/// assert_eq!(local.elapsed(), 20.0 * scene.tick_s());
+/// # Ok::<(), stickslip::scene::SceneError>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct LocalSimulation {
+    pub(super) rules: ContactRules,
+    pub(super) surface: SurfaceModel,
+    /// h, s.
+    pub(super) tick_s: f64,
+    pub(super) model: LocalModel,
+    pub(super) state: LocalState,
+    /// Ticks between the state that the model was built from and its first tick.
+    pub(super) latency: u64,
+    /// Ticks done with the model.
+    pub(super) age: u64,
+    pub(super) contact: Option<Contact>,
+    pub(super) support: Support,
+    pub(super) visited: Visited,
+    pub(super) hits: Hits,
+    /// Λ·(what was left of the way to the tip)/h of the last tick, J, where the model has a [`LinearStep`].
+    pub(super) work_left: f64,
+    /// A model of a renderer of one's own, which then renders the ticks.
+    pub(super) renderer: Option<Box<dyn RendererModel>>,
+    /// Why that renderer cannot go on.
+    pub(super) renderer_fault: Option<RendererFault>,
+}
+
+impl LocalSimulation {
+    /// Starts with a first model; `tick_s` is h. All that ticks need is allocated here.
+    pub fn new(rules: ContactRules, tick_s: f64, surface: SurfaceModel, model: LocalModel, state: LocalState) -> Self {
+        let triangles = surface.topology.triangles.len();
+        Self {
+            rules,
+            surface,
+            tick_s,
+            model,
+            state,
+            latency: 0,
+            age: 0,
+            contact: None,
+            support: Support::with_capacity(LARGEST_SUPPORT),
+            visited: Visited::new(triangles),
+            hits: Hits::new(triangles),
+            work_left: 0.0,
+            renderer: None,
+            renderer_fault: None,
+        }
+    }
+
+    /// Puts a new model to use, `latency` ticks after the state it was built from. Nodes of both
+    /// patches go on from where they are; nodes that enter start at the new model's state. The old
+    /// model comes back, so that whoever built it can dispose of it.
+    ///
+    /// The exterior jumps to where the new model has it. If that puts a free tip inside, no motion
+    /// within a tick will ever show it to collision detection: the tip is taken to be in contact
+    /// with the nearest point, as after tension.
+    pub fn hand_over(
+        &mut self,
+        model: LocalModel,
+        mut state: LocalState,
+        latency: u64,
+        tip: Vec3,
+    ) -> (LocalModel, LocalState) {
+        state.carry_over(&model.patch, &self.state, &self.model.patch);
+        self.latency = latency;
+        self.age = 0;
+        let before = (std::mem::replace(&mut self.model, model), std::mem::replace(&mut self.state, state));
+        if self.contact.is_none() && self.shape().signed_distance(tip) < -START_TOLERANCE {
+            self.contact = self.shape().nearest(tip).map(|point| Contact { point, state: ContactState::Tension });
+        }
+        before
+    }
+
+    /// Puts a model of a renderer of one's own to use, which goes on from the one before. The old one comes back, so that
+    /// whoever built it can dispose of it.
+    pub fn take_over(&mut self, mut renderer: Option<Box<dyn RendererModel>>) -> Option<Box<dyn RendererModel>> {
+        if let (Some(new), Some(old)) = (&mut renderer, &mut self.renderer) {
+            new.take_over(old.as_mut());
+        }
+        std::mem::replace(&mut self.renderer, renderer)
+    }
+
+    /// Whether a renderer of one's own renders the ticks.
+    pub fn is_rendered_by_another(&self) -> bool {
+        self.renderer.is_some()
+    }
+
+    /// The nodes that a renderer of one's own has moved.
+    pub fn moved(&self) -> Option<MovedNodes<'_>> {
+        self.renderer.as_ref().and_then(|renderer| renderer.moved())
+    }
+
+    /// Why a renderer of one's own cannot go on.
+    pub fn renderer_fault(&self) -> Option<RendererFault> {
+        self.renderer_fault
+    }
+
+    /// The contact surface of the whole body.
+    pub fn surface(&self) -> &SurfaceModel {
+        &self.surface
+    }
+
+    /// The model in use.
+    pub fn model(&self) -> &LocalModel {
+        &self.model
+    }
+
+    /// Its state.
+    pub fn state(&self) -> &LocalState {
+        &self.state
+    }
+
+    /// The contact, if there is one.
+    pub fn contact(&self) -> Option<Contact> {
+        self.contact
+    }
+
+    /// Puts the contact at a point, as after a tick that stuck there.
+    pub fn hold(&mut self, point: ContactPoint) {
+        self.contact = Some(Contact { point, state: ContactState::Stick });
+    }
+
+    /// Ticks done with this model.
+    pub fn model_age(&self) -> u64 {
+        self.age
+    }
+
+    /// Seconds since the state that the model was built from.
+    pub fn elapsed(&self) -> f64 {
+        (self.latency + self.age) as f64 * self.tick_s
+    }
+
+    /// The surface now.
+    pub fn shape(&self) -> Shape<'_> {
+        Shape { surface: &self.surface, model: &self.model, x: &self.state.x, elapsed: self.elapsed() }
+    }
+
+    /// ½ Δvᵀ M Δv of the last tick, J, under the velocity scheme. The geometric one has no such term: it
+    /// changes velocities in several places and keeps no energy book. Nor have steps whose impulse acts over the
+    /// whole tick: they lose the work of Λ over what `follow` closes.
+    ///
+    /// ```
+    /// use stickslip::{Vec3, contact::rules::Scheme, pipeline::Simulation, scene::Scene};
+    ///
+    /// let mut scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
+    /// scene.contact.scheme = Scheme::Velocity;
+    /// let mut local = Simulation::prepare(&scene)?.into_sides().servo.into_local();
+    /// let above = Vec3::new(-0.03, 0.0013, 0.0005);
+    /// let inside = above - Vec3::z() * 0.001; // at 1 m/s
+    /// local.tick(above, above);
+    /// assert_eq!(local.impact_loss(), 0.0); // nothing was hit
+    /// local.tick(above, inside);
+    /// assert!(local.impact_loss() > 0.0); // the masses under the tip started at once
+    /// # Ok::<(), stickslip::scene::SceneError>(())
+    /// ```
+    pub fn impact_loss(&self) -> f64 {
+        match self.rules.scheme {
+            Scheme::Geometric { .. } => 0.0,
+            Scheme::Velocity if self.model.step.as_ref().is_some_and(|step| !step.dissipates()) => self.work_left,
+            // Prediction and state changed places: the predicted velocities are those before the tick.
+            Scheme::Velocity => {
+                let velocities = self.state.v.iter().zip(&self.state.v_predicted);
+                let changes = self.model.patch.mass.iter().zip(velocities);
+                changes.map(|(mass, (now, before))| 0.5 * mass * (now - before).norm_squared()).sum()
+            }
+        }
+    }
+}

@@ -1,0 +1,228 @@
+//! The path of a tip or of the hand that leads it: waypoints, or a recording.
+
+use std::fs::File;
+use std::io;
+use std::path::{Path as FilePath, PathBuf};
+
+use serde::Deserialize;
+use thiserror::Error;
+
+use crate::Vec3;
+
+/// A tip position at a time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Waypoint {
+    /// s.
+    pub time: f64,
+    /// m.
+    pub position: Vec3,
+}
+
+/// A tip that follows waypoints, linearly between them and at rest before and after, whatever the
+/// force. Times ascend; there is at least one.
+///
+/// ```
+/// use stickslip::{Vec3, device::path::{PathError, TipPath, Waypoint}};
+///
+/// let at = |time, z| Waypoint { time, position: Vec3::new(0.0, 0.0, z) };
+/// let press = TipPath::new(vec![at(0.0, 0.002), at(0.5, -0.003), at(1.0, -0.003)])?;
+/// assert_eq!(press.at(0.5).z, -0.003);
+/// assert!((press.velocity_at(0.25).z + 0.01).abs() < 1e-15); // 5 mm in 0.5 s
+/// assert_eq!(press.velocity_at(2.0), Vec3::zeros());
+/// let slower = press.transformed(2.0, |point| point + Vec3::x());
+/// assert_eq!(slower.at(1.0), Vec3::new(1.0, 0.0, -0.003));
+/// assert!((slower.top_speed() - 0.005).abs() < 1e-15);
+/// assert!(matches!(TipPath::new(vec![at(1.0, 0.0), at(0.0, 0.0)]), Err(PathError::NotAscending { index: 1, .. })));
+/// # Ok::<(), stickslip::device::path::PathError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct TipPath {
+    waypoints: Vec<Waypoint>,
+}
+
+/// What is wrong with waypoints.
+#[derive(Debug, Error)]
+pub enum PathError {
+    /// There is none.
+    #[error("there is no waypoint")]
+    Empty,
+    /// A number, or the way to it from the waypoint before, is NaN or infinite.
+    #[error("waypoint {index} is not finite")]
+    NotFinite {
+        /// Counted from 0.
+        index: usize,
+    },
+    /// A waypoint is not later than the one before.
+    #[error("waypoint {index} at {time} s is not later than the one before it, at {before} s")]
+    NotAscending {
+        /// Counted from 0.
+        index: usize,
+        /// Its time, s.
+        time: f64,
+        /// The time before, s.
+        before: f64,
+    },
+    /// The recording cannot be opened.
+    #[error("cannot read {path}: {error}")]
+    Unreadable {
+        /// Where it was looked for.
+        path: PathBuf,
+        /// Why.
+        error: io::Error,
+    },
+    /// The recording is not as it should be.
+    #[error("{0}")]
+    Csv(#[from] csv::Error),
+    /// The recording's columns are others.
+    #[error("its header is `{found}`, not `t,x,y,z`")]
+    Header {
+        /// The first line.
+        found: String,
+    },
+}
+
+impl TipPath {
+    /// Takes waypoints in ascending order.
+    ///
+    /// # Errors
+    /// If there is none, one is not finite, or they do not ascend.
+    pub fn new(waypoints: Vec<Waypoint>) -> Result<Self, PathError> {
+        if waypoints.is_empty() {
+            return Err(PathError::Empty);
+        }
+        for (index, waypoint) in waypoints.iter().enumerate() {
+            if !(waypoint.time.is_finite() && waypoint.position.iter().all(|c| c.is_finite())) {
+                return Err(PathError::NotFinite { index });
+            }
+        }
+        for (index, pair) in waypoints.windows(2).enumerate() {
+            let index = index + 1;
+            // Far apart, finite numbers have a difference that is not.
+            if !((pair[1].position - pair[0].position).norm() / (pair[1].time - pair[0].time)).is_finite()
+                && pair[1].time > pair[0].time
+            {
+                return Err(PathError::NotFinite { index });
+            }
+            if pair[1].time <= pair[0].time {
+                return Err(PathError::NotAscending { index, time: pair[1].time, before: pair[0].time });
+            }
+        }
+        Ok(Self { waypoints })
+    }
+
+    /// Reads a recording: CSV with the header `t,x,y,z`, in s and m.
+    ///
+    /// # Errors
+    /// If the file cannot be read, has other columns or anything but numbers, or its times do not
+    /// ascend; with the line.
+    ///
+    /// ```
+    /// use stickslip::device::path::TipPath;
+    ///
+    /// let folder = tempfile::tempdir()?;
+    /// let recording = folder.path().join("press.csv");
+    /// std::fs::write(&recording, "t,x,y,z\n0.0,0,0,0.002\n0.5,0,0,-0.003\n")?;
+    /// assert!((TipPath::from_csv(&recording)?.top_speed() - 0.01).abs() < 1e-15); // m/s
+    /// std::fs::write(&recording, "time,z\n0.0,0.002\n")?;
+    /// let error = TipPath::from_csv(&recording).expect_err("other columns");
+    /// assert_eq!(error.to_string(), "its header is `time,z`, not `t,x,y,z`");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn from_csv(path: &FilePath) -> Result<Self, PathError> {
+        #[derive(Deserialize)]
+        struct Row {
+            t: f64,
+            x: f64,
+            y: f64,
+            z: f64,
+        }
+        let file = File::open(path).map_err(|error| PathError::Unreadable { path: path.to_owned(), error })?;
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
+        let header: Vec<String> = reader.headers()?.iter().map(str::to_owned).collect();
+        if header != ["t", "x", "y", "z"] {
+            return Err(PathError::Header { found: header.join(",") });
+        }
+        let rows = reader.deserialize::<Row>();
+        let waypoints: Result<Vec<_>, _> =
+            rows.map(|row| row.map(|Row { t, x, y, z }| Waypoint { time: t, position: Vec3::new(x, y, z) })).collect();
+        Self::new(waypoints?)
+    }
+
+    /// Time of the last waypoint, s.
+    pub fn end(&self) -> f64 {
+        self.waypoints.last().map_or(0.0, |last| last.time)
+    }
+
+    /// The tip at a time, s.
+    pub fn at(&self, time: f64) -> Vec3 {
+        match self.around(time) {
+            (Some(before), Some(after)) => {
+                let fraction = (time - before.time) / (after.time - before.time);
+                before.position + (after.position - before.position) * fraction
+            }
+            (Some(only), None) => only.position,
+            (None, Some(only)) => only.position,
+            (None, None) => unreachable!("a path has at least one waypoint"),
+        }
+    }
+
+    /// Its velocity, m/s; at a waypoint, the one after it.
+    pub fn velocity_at(&self, time: f64) -> Vec3 {
+        match self.around(time) {
+            (Some(before), Some(after)) => (after.position - before.position) / (after.time - before.time),
+            _ => Vec3::zeros(),
+        }
+    }
+
+    /// The last waypoint not after a time, and the first after it.
+    fn around(&self, time: f64) -> (Option<&Waypoint>, Option<&Waypoint>) {
+        let after = self.waypoints.partition_point(|waypoint| waypoint.time <= time);
+        (after.checked_sub(1).map(|i| &self.waypoints[i]), self.waypoints.get(after))
+    }
+
+    /// The same path elsewhere, and so many times slower.
+    pub fn transformed(&self, slower: f64, to: impl Fn(Vec3) -> Vec3) -> Self {
+        let waypoints = self.waypoints.iter();
+        let waypoint = |w: &Waypoint| Waypoint { time: w.time * slower, position: to(w.position) };
+        Self { waypoints: waypoints.map(waypoint).collect() }
+    }
+
+    /// The fastest the tip moves, m/s.
+    pub fn top_speed(&self) -> f64 {
+        self.waypoints
+            .windows(2)
+            .map(|pair| (pair[1].position - pair[0].position).norm() / (pair[1].time - pair[0].time))
+            .fold(0.0, f64::max)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn waypoint(time: f64, x: f64) -> Waypoint {
+        Waypoint { time, position: Vec3::x() * x }
+    }
+
+    #[test]
+    fn the_tip_moves_linearly_and_stays_outside() {
+        let path = TipPath::new(vec![waypoint(1.0, 0.0), waypoint(3.0, 4.0), waypoint(4.0, 4.0)]).unwrap();
+        for (time, x) in [(0.0, 0.0), (1.0, 0.0), (1.5, 1.0), (3.0, 4.0), (3.5, 4.0), (9.0, 4.0)] {
+            assert_eq!(path.at(time).x, x, "at {time} s");
+        }
+        for (time, speed) in [(0.0, 0.0), (1.0, 2.0), (2.9, 2.0), (3.0, 0.0), (9.0, 0.0)] {
+            assert_eq!(path.velocity_at(time).x, speed, "at {time} s");
+        }
+        assert_eq!(path.top_speed(), 2.0);
+    }
+
+    #[test]
+    fn bad_waypoints_are_named() {
+        assert!(matches!(TipPath::new(vec![]), Err(PathError::Empty)));
+        assert!(matches!(
+            TipPath::new(vec![waypoint(0.0, 0.0), waypoint(0.0, 1.0)]),
+            Err(PathError::NotAscending { index: 1, .. })
+        ));
+        assert!(matches!(TipPath::new(vec![waypoint(0.0, f64::NAN)]), Err(PathError::NotFinite { index: 0 })));
+    }
+}

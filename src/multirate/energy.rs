@@ -1,0 +1,101 @@
+//! The energy book of a run: what the instrument put in, what is stored, what was dissipated.
+
+use crate::Vec3;
+use crate::contact::law::Mode;
+use crate::contact::report::TickReport;
+use crate::contact::simulation::LocalSimulation;
+
+/// Energies of the local model's nodes and springs, and what has flowed so far, J.
+///
+/// The geometric scheme moves nodes without work, so its book does not close: [`residual`] says by
+/// how much. Changes of the stored energy are counted within ticks; what a hand-over changes by
+/// exchanging the model is left out.
+///
+/// [`residual`]: EnergyBook::residual
+///
+/// ```
+/// use stickslip::{Vec3, contact::rules::Scheme, multirate::energy::EnergyBook, pipeline::Simulation, scene::Scene};
+///
+/// let mut scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
+/// scene.contact.scheme = Scheme::Velocity; // the scheme that keeps the book
+/// let mut local = Simulation::prepare(&scene)?.into_sides().servo.into_local();
+/// let mut book = EnergyBook::new(0.0);
+/// book.take_stock(&local);
+/// let mut tip = Vec3::new(-0.03, 0.0013, 0.0005);
+/// for _ in 0..100 {
+///     let next = tip - Vec3::z() * 1e-5; // 10 mm/s
+///     let report = local.tick(tip, next);
+///     book.book(&local, &report, tip, next, scene.tick_s());
+///     tip = next;
+/// }
+/// assert!(book.work > 0.0 && book.elastic > 0.0 && book.damping_loss > 0.0);
+/// assert!(book.residual().abs() < 0.05 * book.absolute_work);
+/// # Ok::<(), stickslip::scene::SceneError>(())
+/// ```
+#[derive(Debug, Clone, Copy, Default)]
+pub struct EnergyBook {
+    /// ½ Σ m v².
+    pub kinetic: f64,
+    /// ½ Σ k(ℓ − L)².
+    pub elastic: f64,
+    /// −Σ m g·x.
+    pub gravitational: f64,
+    /// −Σ f·(q₁ − q₀): what the instrument put in.
+    pub work: f64,
+    /// Σ |f·(q₁ − q₀)|.
+    pub absolute_work: f64,
+    /// By dampers and drag; trapezoidal over a tick.
+    pub damping_loss: f64,
+    /// By slipping: −f·(the tip's way − the contact point's way).
+    pub friction_loss: f64,
+    /// By impacts: ½ Δvᵀ M Δv of every tick of the velocity scheme. Where the tip meets the mesh, or changes
+    /// its speed at once, masses start or stop inelastically; elsewhere it vanishes with the step.
+    pub impact_loss: f64,
+    /// Change of kinetic, elastic and gravitational energy within ticks.
+    pub stored: f64,
+    power: f64,
+    /// Potential energy of what never moves.
+    ground: f64,
+}
+
+impl EnergyBook {
+    /// An empty book; `ground` is the potential energy of fixed nodes that are to be counted in, J.
+    pub fn new(ground: f64) -> Self {
+        Self { ground, ..Self::default() }
+    }
+
+    /// Takes stock of a model that has just come into use.
+    pub fn take_stock(&mut self, local: &LocalSimulation) {
+        let (model, state) = (local.model(), local.state());
+        self.kinetic = model.kinetic_energy(&state.v);
+        self.elastic = model.elastic_energy(&state.x);
+        self.gravitational = self.ground + model.gravitational_energy(&state.x);
+        self.power = model.dissipated_power(&state.x, &state.v);
+    }
+
+    /// Books a tick of length `step`, s, that has just been done.
+    pub fn book(&mut self, local: &LocalSimulation, report: &TickReport, q0: Vec3, q1: Vec3, step: f64) {
+        let (before, power_before) = (self.total(), self.power);
+        self.take_stock(local);
+        self.stored += self.total() - before;
+        self.damping_loss += 0.5 * (power_before + self.power) * step;
+        self.impact_loss += local.impact_loss();
+        let work = -report.force.dot(&(q1 - q0));
+        self.work += work;
+        self.absolute_work += work.abs();
+        if let (Mode::Slip, Some(touch)) = (report.mode, report.touch) {
+            let way = local.shape().position(&touch.point) - touch.position;
+            let friction = report.force - touch.normal * report.normal_force;
+            self.friction_loss -= friction.dot(&((q1 - q0) - way));
+        }
+    }
+
+    fn total(&self) -> f64 {
+        self.kinetic + self.elastic + self.gravitational
+    }
+
+    /// Work − stored − dissipated.
+    pub fn residual(&self) -> f64 {
+        self.work - self.stored - self.damping_loss - self.friction_loss - self.impact_loss
+    }
+}

@@ -1,0 +1,200 @@
+//! The last station before the device: what reaches it is finite and within its limit, and a state
+//! that has run away latches a fault.
+
+use thiserror::Error;
+
+use crate::Vec3;
+use crate::contact::law::Mode;
+use crate::contact::renderer::RendererFault;
+use crate::contact::report::TickReport;
+use crate::contact::simulation::LocalSimulation;
+use crate::device::instrument::InstrumentFault;
+use crate::device::phantom::DeviceError;
+use crate::local::error::ModelError;
+use crate::model::state::State;
+
+/// A node further from its rest place than this many diagonals of the rest mesh has run away.
+const RUNAWAY_DIAGONALS: f64 = 10.0;
+
+/// What went wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum Cause {
+    /// The force to be commanded is NaN or infinite.
+    #[error("the contact force is not finite")]
+    ForceNotFinite,
+    /// A node's position or velocity is NaN or infinite.
+    #[error("the state of node {node} is not finite")]
+    StateNotFinite {
+        /// The node.
+        node: u32,
+    },
+    /// The model of the next cycle cannot be built.
+    #[error(transparent)]
+    NoModel(ModelError),
+    /// The instrument has left the range in which it can be simulated.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    /// An instrument of one's own cannot go on.
+    #[error(transparent)]
+    Instrument(InstrumentFault),
+    /// A renderer of one's own cannot go on.
+    #[error(transparent)]
+    Renderer(RendererFault),
+    /// A node is too far from its rest place.
+    #[error("node {node} ran away: {distance_m:.3} m from its rest place, more than {limit_m:.3} m")]
+    Runaway {
+        /// The node.
+        node: u32,
+        /// How far it is.
+        distance_m: f64,
+        /// How far it may be.
+        limit_m: f64,
+    },
+}
+
+/// The end of a run: when, why, and in which state.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+#[error(
+    "fault at tick {tick}: {cause} (mode {mode}, force [{:e}, {:e}, {:e}] N, tip [{}, {}, {}] m, model {model_age} ticks old)",
+    force.x, force.y, force.z, tip.x, tip.y, tip.z
+)]
+pub struct Fault {
+    /// The tick that was being done.
+    pub tick: u64,
+    /// Why.
+    pub cause: Cause,
+    /// Its mode.
+    pub mode: &'static str,
+    /// The force it would have commanded, N.
+    pub force: Vec3,
+    /// The tip at its end, m.
+    pub tip: Vec3,
+    /// Age of the local model.
+    pub model_age: u64,
+}
+
+/// How far nodes may go from their rest places.
+///
+/// ```
+/// use stickslip::multirate::failsafe::{Bounds, Cause};
+/// use stickslip::{Vec3, model::state::State};
+///
+/// let rest = [Vec3::zeros(), Vec3::x() * 0.1]; // a diagonal of 0.1 m
+/// let bounds = Bounds::new(&rest);
+/// let mut state = State { x: rest.to_vec(), v: vec![Vec3::zeros(); 2] };
+/// assert_eq!(bounds.network_cause(&rest, &state), None);
+/// state.x[1].x = 1.2;
+/// assert!(matches!(bounds.network_cause(&rest, &state), Some(Cause::Runaway { node: 1, .. })));
+/// state.v[0].z = f64::NAN;
+/// assert_eq!(bounds.network_cause(&rest, &state), Some(Cause::StateNotFinite { node: 0 }));
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds {
+    runaway_m: f64,
+}
+
+impl Bounds {
+    /// For a mesh at rest at these positions.
+    pub fn new(rest: &[Vec3]) -> Self {
+        let lower = rest.iter().copied().reduce(|a, b| a.inf(&b)).unwrap_or_default();
+        let upper = rest.iter().copied().reduce(|a, b| a.sup(&b)).unwrap_or_default();
+        Self { runaway_m: RUNAWAY_DIAGONALS * (upper - lower).norm() }
+    }
+
+    /// What is wrong with a network at a boundary: the exterior moves only there, so every node is looked at.
+    pub fn network_cause(self, rest: &[Vec3], state: &State) -> Option<Cause> {
+        let mut nodes = (0..).zip(rest).zip(state.x.iter().zip(&state.v));
+        nodes.find_map(|((node, rest), (x, v))| self.node_cause(node, rest, x, v))
+    }
+
+    /// What is wrong with a tick.
+    fn tick_cause(self, local: &LocalSimulation, report: &TickReport) -> Option<Cause> {
+        if let Some(fault) = local.renderer_fault() {
+            return Some(Cause::Renderer(fault));
+        }
+        if !report.force.norm().is_finite() {
+            return Some(Cause::ForceNotFinite);
+        }
+        let patch = &local.model().patch;
+        let state = local.state();
+        let mut nodes = patch.nodes.iter().zip(&patch.rest).zip(state.x.iter().zip(&state.v));
+        nodes.find_map(|((&node, rest), (x, v))| self.node_cause(node, rest, x, v))
+    }
+
+    fn node_cause(self, node: u32, rest: &Vec3, x: &Vec3, v: &Vec3) -> Option<Cause> {
+        let distance_m = (x - rest).norm();
+        if !(distance_m.is_finite() && v.iter().all(|v| v.is_finite())) {
+            Some(Cause::StateNotFinite { node })
+        } else if distance_m > self.runaway_m {
+            Some(Cause::Runaway { node, distance_m, limit_m: self.runaway_m })
+        } else {
+            None
+        }
+    }
+}
+
+/// Checks every tick; once it has found a fault it commands zero for good.
+///
+/// ```
+/// use stickslip::multirate::failsafe::{Bounds, Cause, FailSafe};
+/// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
+///
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// let simulation = Simulation::prepare(&scene)?;
+/// let bounds = Bounds::new(&simulation.network().rest);
+/// let mut local = simulation.into_sides().servo.into_local();
+/// let tip = scene.path.at(0.0);
+/// let mut report = local.tick(tip, tip);
+///
+/// let mut fail_safe = FailSafe::new(bounds);
+/// assert_eq!(fail_safe.command(0, tip, &local, &report), Ok(Vec3::zeros()));
+/// report.force.x = f64::NAN;
+/// let fault = fail_safe.command(1, tip, &local, &report).expect_err("NaN must not reach a device");
+/// assert_eq!((fault.tick, fault.cause), (1, Cause::ForceNotFinite));
+/// report.force.x = 0.0;
+/// assert_eq!(fail_safe.command(2, tip, &local, &report).map_err(|fault| fault.tick), Err(1)); // for good
+/// assert_eq!(fail_safe.latch(3, tip, Cause::StateNotFinite { node: 0 }).tick, 1); // the first is told
+/// # Ok::<(), stickslip::scene::SceneError>(())
+/// ```
+#[derive(Debug, Clone, Copy)]
+pub struct FailSafe {
+    bounds: Bounds,
+    latched: Option<Fault>,
+}
+
+impl FailSafe {
+    /// Nothing is wrong yet.
+    pub fn new(bounds: Bounds) -> Self {
+        Self { bounds, latched: None }
+    }
+
+    /// The force to command after a tick.
+    ///
+    /// # Errors
+    /// With the fault, in this tick and every later one.
+    pub fn command(
+        &mut self,
+        tick: u64,
+        tip: Vec3,
+        local: &LocalSimulation,
+        report: &TickReport,
+    ) -> Result<Vec3, Fault> {
+        if self.latched.is_none()
+            && let Some(cause) = self.bounds.tick_cause(local, report)
+        {
+            let force = report.force;
+            let model_age = local.model_age().saturating_sub(1);
+            self.latched = Some(Fault { tick, cause, mode: report.mode.name(), force, tip, model_age });
+        }
+        match self.latched {
+            None => Ok(report.force),
+            Some(fault) => Err(fault),
+        }
+    }
+
+    /// A fault that shows outside of ticks: at a boundary.
+    pub fn latch(&mut self, tick: u64, tip: Vec3, cause: Cause) -> Fault {
+        let fault = Fault { tick, cause, mode: Mode::Free.name(), force: Vec3::zeros(), tip, model_age: 0 };
+        *self.latched.get_or_insert(fault)
+    }
+}

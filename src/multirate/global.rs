@@ -1,0 +1,341 @@
+//! The global cycle: what comes up from the local side at a boundary, how the network catches up
+//! with the cycle just past, and the model that goes down.
+
+use std::sync::Arc;
+
+use thiserror::Error;
+
+use super::failsafe::{Bounds, Cause};
+use super::messages::{CycleMessage, ModelMessage};
+use super::trajectory::{Keep, Pushed, Replayed, Trajectory};
+use crate::Vec3;
+use crate::contact::renderer::{Body, BodyState, Renderer, RendererFault, RendererModel};
+use crate::contact::rules::RIGID_BELOW;
+use crate::contact::state::{Contact, ContactState};
+use crate::dynamics::constraint::{Constraint, Steps, Threads, Unconstrained};
+use crate::dynamics::integrators::{GlobalIntegrator, Stepper};
+use crate::local::condensation::CondensationCounts;
+use crate::local::error::ModelError;
+use crate::local::model::LocalModelBuilder;
+use crate::model::network::Network;
+use crate::model::state::State;
+use crate::model::work::WorkCounts;
+use crate::surface::geometry::ContactPoint;
+use crate::surface::subdivision::LARGEST_SUPPORT;
+use crate::surface::support::{Metric, Support};
+use crate::word::words;
+
+/// How the network takes in what happened in the local model.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum SyncMode {
+    /// The exterior is integrated with the patch prescribed along its recorded path.
+    #[default]
+    Replay,
+    /// The whole network is integrated with the contact point of the cycle's start held still,
+    /// then the patch is overwritten (the paper's words).
+    Overwrite,
+}
+
+words!(SyncMode { Replay = "replay", Overwrite = "overwrite" });
+
+/// The constant settings of the global side.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CycleSettings {
+    /// How it catches up.
+    pub sync: SyncMode,
+    /// How it integrates.
+    pub integrator: GlobalIntegrator,
+    /// Equal steps per cycle.
+    pub substeps: u32,
+    /// Threads that share them.
+    pub threads: Threads,
+    /// Ticks per cycle.
+    pub ticks_per_cycle: u32,
+    /// h, s.
+    pub tick_s: f64,
+    /// The inner product of P under [`SyncMode::Overwrite`].
+    pub metric: Metric,
+}
+
+/// The contact point stands still: P on accelerations and velocities.
+struct Held<'a> {
+    support: &'a Support,
+    nodes: &'a [u32],
+}
+
+impl Constraint for Held<'_> {
+    fn nodes(&self, _: f64) -> &[u32] {
+        self.nodes
+    }
+
+    fn accelerations(&self, a: &mut [Vec3]) {
+        self.support.project_sticking(a);
+    }
+
+    fn state(&self, _: f64, state: &mut State) {
+        self.support.project_sticking(&mut state.v);
+    }
+
+    fn held(&self) -> Option<&Support> {
+        Some(self.support)
+    }
+}
+
+/// Why there is no model of the next cycle.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum BuildError {
+    /// The local model cannot be built, or the network was not brought over the cycle.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// A renderer of one's own has none.
+    #[error(transparent)]
+    Renderer(#[from] RendererFault),
+}
+
+/// The global side: the network, its state, and the builder of local models.
+///
+/// ```
+/// use stickslip::{multirate::messages::{CycleMessage, ModelMessage}, multirate::trajectory::{Keep, Trajectory}};
+/// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
+///
+/// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
+/// let sides = Simulation::prepare(&scene)?.into_sides();
+/// let (mut global, mut local) = (sides.global.into_simulation(), sides.servo.into_local());
+/// // One cycle: the tip goes 1 mm into the block.
+/// let mut tip = Vec3::new(-0.03, 0.0013, 0.0);
+/// let mut trajectory = Trajectory::new(Keep::Path);
+/// trajectory.begin(local.model(), local.state(), 0, 100);
+/// for _ in 0..100 {
+///     let next = tip - Vec3::z() * 1e-5;
+///     local.tick(tip, next);
+///     trajectory.record(local.state());
+///     tip = next;
+/// }
+/// global.catch_up(&CycleMessage { trajectory, contact: local.contact(), tip })?;
+/// // The network's patch is where the local side left it,
+/// let patch = &local.model().patch;
+/// assert!((0..patch.len()).all(|slot| global.state().x[patch.nodes[slot] as usize] == local.state().x[slot]));
+/// // and the next model starts there.
+/// let ModelMessage { model, state } = global.build_model(tip)?;
+/// local.hand_over(model, state, 0, tip);
+/// assert_eq!(local.model_age(), 0);
+/// assert_eq!(global.work().models_built, 2);
+/// assert!(global.condensation().is_none(), "the paper's exterior is fixed");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct GlobalSimulation {
+    settings: CycleSettings,
+    network: Arc<Network>,
+    builder: LocalModelBuilder,
+    state: State,
+    stepper: Stepper,
+    /// At the start of the cycle that runs now.
+    contact: Option<Contact>,
+    models_built: u64,
+    renderer: Option<Box<dyn Renderer>>,
+}
+
+impl GlobalSimulation {
+    /// The network in the state in which it starts.
+    pub fn new(settings: CycleSettings, network: Arc<Network>, builder: LocalModelBuilder, state: State) -> Self {
+        let stepper = Stepper::new(&network);
+        Self { settings, network, builder, state, stepper, contact: None, models_built: 0, renderer: None }
+    }
+
+    /// The same with a renderer of one's own in place of the local model.
+    pub fn with_renderer(self, renderer: Box<dyn Renderer>) -> Self {
+        Self { builder: self.builder.without_patch(), renderer: Some(renderer), ..self }
+    }
+
+    /// The network's state at the last boundary.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// What it has computed so far.
+    pub fn work(&self) -> WorkCounts {
+        WorkCounts {
+            cycle_springs: self.stepper.evaluations() * self.network.springs.len() as u64,
+            models_built: self.models_built,
+            ..WorkCounts::default()
+        }
+    }
+
+    /// What became of the models so far, if their exterior is condensed.
+    pub fn condensation(&self) -> Option<CondensationCounts> {
+        self.builder.condensation()
+    }
+
+    /// Brings the network over the cycle just past.
+    ///
+    /// # Errors
+    /// If an implicit step has no solution.
+    pub fn catch_up(&mut self, message: &CycleMessage) -> Result<(), ModelError> {
+        match self.settings.sync {
+            SyncMode::Replay => self.replay(&message.trajectory),
+            SyncMode::Overwrite => self.overwrite(&message.trajectory),
+        }
+        if let Some(error) = self.stepper.failure() {
+            return Err(ModelError::NotSolved(error));
+        }
+        self.contact = message.contact;
+        Ok(())
+    }
+
+    /// The model of the network as it is, around the contact point, or around the tip where there is none.
+    ///
+    /// # Errors
+    /// If it cannot be built.
+    pub fn build_model(&mut self, tip: Vec3) -> Result<ModelMessage, BuildError> {
+        let point = self.contact.map(|contact| contact.point);
+        let around = point.map_or(tip, |point| self.position(&point));
+        let touched = point.map(|point| point.triangle);
+        self.models_built += 1;
+        let (model, state) = self.builder.build(&self.network, &self.state, around, touched)?;
+        Ok(ModelMessage { model, state, renderer: self.build_rendered(tip)? })
+    }
+
+    /// The model of a renderer of one's own, if there is one.
+    fn build_rendered(&mut self, tip: Vec3) -> Result<Option<Box<dyn RendererModel>>, BuildError> {
+        let Some(renderer) = &mut self.renderer else { return Ok(None) };
+        let body = Body { network: &self.network, surface: self.builder.surface() };
+        let contact = self.contact.map(|contact| contact.point);
+        let state = BodyState { x: &self.state.x, v: &self.state.v, tip, contact };
+        Ok(Some(renderer.build(body, state)?))
+    }
+
+    fn position(&self, point: &ContactPoint) -> Vec3 {
+        self.builder.surface().node_weights(point).map(|(node, weight)| self.state.x[node] * weight).sum()
+    }
+
+    fn replay(&mut self, trajectory: &Trajectory) {
+        let CycleSettings { ticks_per_cycle: ticks, substeps, .. } = self.settings;
+        match trajectory.keeps() {
+            Keep::Path => self.integrate(|substep| Replayed { trajectory, substep, ticks, substeps }),
+            Keep::Push => {
+                let (surface, network) = (self.builder.surface().clone(), self.network.clone());
+                let pushed =
+                    |substep| Pushed::new(trajectory, &surface, &network.inverse_mass, substep, ticks, substeps);
+                self.integrate(pushed);
+            }
+            Keep::End => {}
+        }
+        trajectory.finish(&mut self.state);
+    }
+
+    fn overwrite(&mut self, trajectory: &Trajectory) {
+        // Under tension and on rigid ground the instrument exerts no force on the mesh.
+        let held = self.contact.filter(|contact| contact.state != ContactState::Tension);
+        let mut support = Support::with_capacity(LARGEST_SUPPORT);
+        if let Some(Contact { point, .. }) = held {
+            let inverse_mass = &self.network.inverse_mass;
+            let free = self
+                .builder
+                .surface()
+                .node_weights(&point)
+                .map(|(node, weight)| (node, weight, inverse_mass[node]))
+                .filter(|&(_, _, inverse_mass)| inverse_mass > 0.0);
+            support.set(self.settings.metric, free);
+        }
+        if support.free_weight() >= RIGID_BELOW {
+            support.project_sticking(&mut self.state.v);
+            let nodes: Vec<u32> = support.nodes().iter().map(|node| node.slot as u32).collect();
+            self.integrate(|_| Held { support: &support, nodes: &nodes });
+        } else {
+            self.integrate(|_| Unconstrained);
+        }
+        trajectory.finish(&mut self.state);
+    }
+
+    fn integrate<C: Constraint>(&mut self, constraint: impl Fn(u32) -> C + Sync) {
+        let CycleSettings { integrator, substeps, ticks_per_cycle, tick_s, threads, .. } = self.settings;
+        let steps =
+            Steps { length: f64::from(ticks_per_cycle) * tick_s / f64::from(substeps), count: substeps, threads };
+        self.stepper.steps(integrator, &self.network, &mut self.state, steps, constraint);
+    }
+}
+
+/// Where the schedule is, for whoever keeps time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Moment {
+    /// The network is about to catch up with the cycle just past.
+    CycleBegins,
+    /// It has; its next local model is about to be built.
+    ModelBegins,
+    /// The model is there.
+    ModelEnds,
+    /// The local side is about to do a tick.
+    TickBegins,
+    /// It has.
+    TickEnds,
+}
+
+/// The global side with its watch: what comes down is a model, or the cause why there is none.
+///
+/// ```
+/// use stickslip::{multirate::global::Moment, pipeline::Simulation, scene::Scene};
+///
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
+/// let mut global = Simulation::prepare(&scene)?.into_sides().global;
+/// // No cycle has passed: the next model, below a tip at the origin, is built from the state of the start.
+/// let mut moments = Vec::new();
+/// let message = global.next_model([], &mut |moment| moments.push(moment))?;
+/// assert_eq!(moments, [Moment::CycleBegins, Moment::ModelBegins, Moment::ModelEnds]);
+/// let (start, patch) = (global.simulation().state(), &message.model.patch);
+/// assert!(patch.nodes.iter().zip(&message.state.x).all(|(&node, x)| *x == start.x[node as usize]));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct GlobalSide {
+    simulation: GlobalSimulation,
+    network: Arc<Network>,
+    bounds: Bounds,
+}
+
+impl GlobalSide {
+    /// Watches a global simulation of this network.
+    pub fn new(simulation: GlobalSimulation, network: Arc<Network>) -> Self {
+        let bounds = Bounds::new(&network.rest);
+        Self { simulation, network, bounds }
+    }
+
+    /// The global simulation itself.
+    pub fn simulation(&self) -> &GlobalSimulation {
+        &self.simulation
+    }
+
+    /// The global simulation, without the watch.
+    pub fn into_simulation(self) -> GlobalSimulation {
+        self.simulation
+    }
+
+    /// Brings the network over the cycles that have passed, and builds the next local model. `mark` is told of
+    /// what begins and ends.
+    ///
+    /// # Errors
+    /// With what went wrong.
+    pub fn next_model(
+        &mut self,
+        passed: impl IntoIterator<Item = CycleMessage>,
+        mark: &mut impl FnMut(Moment),
+    ) -> Result<ModelMessage, Cause> {
+        let mut tip = Vec3::zeros();
+        mark(Moment::CycleBegins);
+        let caught_up = passed.into_iter().try_for_each(|message| {
+            tip = message.tip;
+            self.simulation.catch_up(&message)
+        });
+        mark(Moment::ModelBegins);
+        let model = caught_up.map_err(BuildError::Model).and_then(|()| self.simulation.build_model(tip));
+        mark(Moment::ModelEnds);
+        // A network that has run away has no model either: that it ran away is the cause.
+        match self.bounds.network_cause(&self.network.rest, self.simulation.state()) {
+            Some(cause) => Err(cause),
+            None => model.map_err(|error| match error {
+                BuildError::Model(error) => Cause::NoModel(error),
+                BuildError::Renderer(fault) => Cause::Renderer(fault),
+            }),
+        }
+    }
+}

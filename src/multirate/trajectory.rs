@@ -1,0 +1,247 @@
+//! The path of the patch through one cycle, as the local side recorded it and the global side replays it.
+
+use crate::Vec3;
+use crate::dynamics::constraint::Constraint;
+use crate::local::model::{LocalModel, LocalState};
+use crate::model::state::State;
+use crate::surface::geometry::{ContactPoint, SurfaceModel};
+
+/// The path of the patch through one cycle: a segment for each model that was in use.
+///
+/// ```
+/// use stickslip::{multirate::messages::CycleMessage, multirate::trajectory::{Keep, Trajectory}};
+/// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
+///
+/// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
+/// let mut global = Simulation::prepare(&scene)?.into_sides().global.into_simulation();
+/// // A node of the block's top goes down by 1 mm in the cycle's 100 ticks.
+/// let (node, speed) = (300, -Vec3::z() * 0.01);
+/// let start = global.state().x[node as usize];
+/// let mut trajectory = Trajectory::new(Keep::Path);
+/// trajectory.begin_at(&[node], &[start], &[speed], 0, 100);
+/// for tick in 1..=100 {
+///     trajectory.record_at(&[start + speed * (f64::from(tick) * scene.tick_s())], &[speed]);
+/// }
+/// global.catch_up(&CycleMessage { trajectory, contact: None, tip: start })?;
+/// let x = &global.state().x;
+/// assert!((x[node as usize].z - (start.z - 0.001)).abs() < 1e-15);
+/// assert!(x[node as usize + 1].z < start.z); // its neighbours were pulled along
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Trajectory {
+    keep: Keep,
+    segments: Vec<Segment>,
+    /// What a renderer of one's own did in each tick, where the network is pushed by its force.
+    pushes: Vec<Option<Push>>,
+}
+
+/// Force on the network at a contact point over one tick.
+#[derive(Debug, Clone, Copy)]
+struct Push {
+    point: ContactPoint,
+    /// N.
+    force: Vec3,
+}
+
+/// How much of the path the global side needs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Keep {
+    /// Every tick.
+    Path,
+    /// The force of every tick on the network, at its contact point: a renderer of one's own moves no nodes.
+    Push,
+    /// The last tick: with nothing to replay, the path is not recorded.
+    End,
+}
+
+#[derive(Debug, Clone)]
+struct Segment {
+    nodes: Vec<u32>,
+    first_tick: usize,
+    /// The state at the start of the first tick, then at the end of each: m values a time.
+    x: Vec<Vec3>,
+    v: Vec<Vec3>,
+}
+
+impl Trajectory {
+    /// An empty path.
+    pub fn new(keep: Keep) -> Self {
+        Self { keep, segments: Vec::new(), pushes: Vec::new() }
+    }
+
+    /// How much of the path is kept.
+    pub fn keeps(&self) -> Keep {
+        self.keep
+    }
+
+    /// A model comes into use at the start of tick `tick` of the cycle, for at most `ticks` ticks.
+    pub fn begin(&mut self, model: &LocalModel, state: &LocalState, tick: usize, ticks: usize) {
+        let m = model.patch.len();
+        self.begin_at(&model.patch.nodes, &state.x[..m], &state.v[..m], tick, ticks);
+    }
+
+    /// The same for patch nodes whose positions and velocities are given.
+    pub fn begin_at(&mut self, nodes: &[u32], x: &[Vec3], v: &[Vec3], tick: usize, ticks: usize) {
+        let samples = match self.keep {
+            Keep::Path => ticks + 1,
+            Keep::End | Keep::Push => 1,
+        };
+        if self.keep == Keep::Push {
+            self.pushes.reserve(ticks);
+        }
+        let start = |values: &[Vec3]| {
+            let mut all = Vec::with_capacity(samples * nodes.len());
+            all.extend_from_slice(values);
+            all
+        };
+        self.segments.push(Segment { nodes: nodes.to_vec(), first_tick: tick, x: start(x), v: start(v) });
+    }
+
+    /// The state at the end of a tick. Allocates nothing.
+    pub fn record(&mut self, state: &LocalState) {
+        let m = self.segments.last().map_or(0, |segment| segment.nodes.len());
+        self.record_at(&state.x[..m], &state.v[..m]);
+    }
+
+    /// The same where positions and velocities of the patch nodes are given; those of other nodes than the segment began
+    /// with are not taken. Allocates nothing within the ticks that were announced.
+    pub fn record_at(&mut self, x: &[Vec3], v: &[Vec3]) {
+        if let Some(segment) = self.segments.last_mut().filter(|segment| segment.nodes.len() == x.len()) {
+            if self.keep == Keep::End {
+                segment.x.clear();
+                segment.v.clear();
+            }
+            segment.x.extend_from_slice(x);
+            segment.v.extend_from_slice(v);
+        }
+    }
+
+    /// Minus the force of a tick, N, at its contact point, acts on the network. Allocates nothing within the ticks that were
+    /// announced.
+    pub fn record_push(&mut self, force: Vec3, point: Option<ContactPoint>) {
+        self.pushes.push(point.map(|point| Push { point, force: -force }));
+    }
+
+    /// The patch in use in a tick.
+    fn segment(&self, tick: usize) -> Option<&Segment> {
+        self.segments.iter().rev().find(|segment| segment.first_tick <= tick)
+    }
+
+    /// Sets the nodes of the patch in use to where they were in a tick, at `time`, in ticks from the
+    /// start of the cycle: linear between the tick's start and end. A tick that was not recorded (in real time, notes of it
+    /// can be lost) leaves them where they were last.
+    fn prescribe(&self, tick: usize, time: f64, state: &mut State) {
+        let Some(segment) = self.segment(tick) else { return };
+        let m = segment.nodes.len();
+        let fraction = time - tick as f64;
+        let at = (tick - segment.first_tick) * m;
+        let between = |values: &[Vec3], i: usize| {
+            let last = values.len() - m;
+            let (start, end) = (values[at.min(last) + i], values[(at + m).min(last) + i]);
+            if fraction == 1.0 { end } else { start + (end - start) * fraction }
+        };
+        for (i, &node) in segment.nodes.iter().enumerate() {
+            state.x[node as usize] = between(&segment.x, i);
+            state.v[node as usize] = between(&segment.v, i);
+        }
+    }
+
+    /// Sets the nodes of the patch last in use to where they ended.
+    pub(super) fn finish(&self, state: &mut State) {
+        let Some(segment) = self.segments.last() else { return };
+        let last = segment.x.len() - segment.nodes.len();
+        for (i, &node) in segment.nodes.iter().enumerate() {
+            state.x[node as usize] = segment.x[last + i];
+            state.v[node as usize] = segment.v[last + i];
+        }
+    }
+}
+
+/// The patch follows its recorded path.
+pub(super) struct Replayed<'a> {
+    pub trajectory: &'a Trajectory,
+    /// Counted from 0 in the cycle.
+    pub substep: u32,
+    /// Ticks per cycle.
+    pub ticks: u32,
+    /// Substeps per cycle.
+    pub substeps: u32,
+}
+
+impl Replayed<'_> {
+    /// A time of the step, in ticks from the start of the cycle, and the tick it belongs to.
+    fn time(&self, ahead: f64) -> (f64, usize) {
+        // Product first: a substep that ends with a tick must come out as a whole number.
+        let time = (f64::from(self.substep) + ahead) * f64::from(self.ticks) / f64::from(self.substeps);
+        // A hand-over may come at a whole tick: the start of a step belongs to the tick it begins,
+        // all later times to the tick they end.
+        let tick = if ahead > 0.0 { time.ceil() - 1.0 } else { time.floor() };
+        (time, tick as usize)
+    }
+}
+
+impl Constraint for Replayed<'_> {
+    fn nodes(&self, ahead: f64) -> &[u32] {
+        self.trajectory.segment(self.time(ahead).1).map_or(&[], |segment| &segment.nodes)
+    }
+
+    fn acts_node_by_node(&self) -> bool {
+        true
+    }
+
+    // What accelerations do to patch nodes is overwritten.
+    fn accelerations(&self, _: &mut [Vec3]) {}
+
+    fn state(&self, ahead: f64, state: &mut State) {
+        let (time, tick) = self.time(ahead);
+        self.trajectory.prescribe(tick, time, state);
+    }
+}
+
+/// The network is pushed by the forces of a renderer of one's own, each over the part of its tick that lies within the
+/// substep: no momentum is lost, however ticks and substeps lie.
+pub(super) struct Pushed {
+    nodes: Vec<u32>,
+    /// What is added to the acceleration of each of these nodes, m/s².
+    accelerations: Vec<Vec3>,
+}
+
+impl Pushed {
+    /// The pushes in one substep of a cycle.
+    pub fn new(
+        trajectory: &Trajectory,
+        surface: &SurfaceModel,
+        inverse_mass: &[f64],
+        substep: u32,
+        ticks: u32,
+        substeps: u32,
+    ) -> Self {
+        let time = |substep: u32| f64::from(substep) * f64::from(ticks) / f64::from(substeps);
+        let (begin, end) = (time(substep), time(substep + 1));
+        let mut pushed = Self { nodes: Vec::new(), accelerations: Vec::new() };
+        for tick in begin.floor() as usize..(end.ceil() as usize).min(trajectory.pushes.len()) {
+            let Some(Push { point, force }) = trajectory.pushes[tick] else { continue };
+            let share = (end.min(tick as f64 + 1.0) - begin.max(tick as f64)) / (end - begin);
+            for (node, weight) in surface.node_weights(&point) {
+                pushed.nodes.push(node as u32);
+                pushed.accelerations.push(force * (share * weight * inverse_mass[node]));
+            }
+        }
+        pushed
+    }
+}
+
+impl Constraint for Pushed {
+    fn nodes(&self, _: f64) -> &[u32] {
+        &self.nodes
+    }
+
+    fn accelerations(&self, a: &mut [Vec3]) {
+        for (&node, acceleration) in self.nodes.iter().zip(&self.accelerations) {
+            a[node as usize] += acceleration;
+        }
+    }
+
+    fn state(&self, _: f64, _: &mut State) {}
+}

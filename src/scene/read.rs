@@ -1,0 +1,156 @@
+//! From a scene file to a scene: defaults, units, files that it names, and keys that have no effect beside others. What
+//! has to hold of the result is [`super::check`]'s.
+
+mod global;
+mod instrument;
+mod local;
+mod material;
+mod mesh;
+mod timing;
+
+use std::path::Path;
+
+use miette::NamedSource;
+
+use super::check::{check, whole_ticks};
+use super::error::{Problem, SceneError};
+use super::file::*;
+use super::keys::{accepted, known_words};
+use super::place::nearest;
+use super::words::{LawName, LocalModelName, SchemeName};
+use super::{DEFAULT_GLOBAL_RATE_HZ, DEFAULT_LOCAL_RATE_HZ, Scene, Schedule, check};
+use crate::contact::law::Law;
+use crate::contact::rules::{ContactRules, Scheme, Wall};
+
+type Read<T = ()> = Result<T, Problem>;
+
+pub(super) fn scene(text: &str, path: &Path) -> Result<Scene, SceneError> {
+    let source = NamedSource::new(path.display().to_string(), text.to_owned());
+    let file = deserialize(&source)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let scene = assemble(file, folder).and_then(|scene| check(&scene).map(|()| scene));
+    match scene {
+        Ok(scene) => Ok(Scene { source: Some(source), ..scene }),
+        Err(problem) => Err(SceneError::new(problem, Some(&source))),
+    }
+}
+
+fn deserialize(source: &NamedSource<String>) -> Result<SceneFile, SceneError> {
+    let text = source.inner();
+    let syntax = |error: &toml::de::Error| {
+        SceneError::at(Problem::Syntax(error.message().to_owned()), source.clone(), error.span())
+    };
+    let deserializer = toml::Deserializer::parse(text).map_err(|error| syntax(&error))?;
+    serde_path_to_error::deserialize(deserializer).map_err(|error| {
+        // The path names the key of a wrong value, but the table of an unknown or missing key.
+        let path: Vec<String> = error
+            .path()
+            .iter()
+            .filter_map(|segment| match segment {
+                serde_path_to_error::Segment::Map { key } if !key.starts_with('$') => Some(key.clone()),
+                _ => None,
+            })
+            .collect();
+        let key = path.join(".");
+        let written = error.inner().span().and_then(|span| text.get(span)).unwrap_or("");
+        let meant = nearest(written.trim_matches(['"', '\'', '[', ']']), known_words(&key));
+        let meant = meant.map(|word| format!("did you mean `{word}`?"));
+        let values = accepted(&key).map(|values| format!("accepted for `{key}`: {values}"));
+        let help: Vec<String> = meant.into_iter().chain(values).collect();
+        let placed = syntax(error.inner());
+        if help.is_empty() { placed } else { placed.with_help(help.join("\n")) }
+    })
+}
+
+fn assemble(file: SceneFile, folder: &Path) -> Read<Scene> {
+    let local_rate_hz = check::positive("local.rate", file.local.rate.unwrap_or(DEFAULT_LOCAL_RATE_HZ))?;
+    let global_rate_hz = check::positive("global.rate", file.global.rate.unwrap_or(DEFAULT_GLOBAL_RATE_HZ))?;
+    let given_rate = if file.local.rate.is_some() { "local.rate" } else { "global.rate" };
+    let ticks_per_cycle = check::ticks_per_cycle(given_rate, local_rate_hz, global_rate_hz)?;
+    let tick_count = whole_ticks("duration", check::positive("duration", file.duration)?, local_rate_hz)?;
+    let is_full = file.local.model == LocalModelName::Full;
+    let local = local::local(&file.local)?;
+    let integrator = file.local.integrator.unwrap_or_default();
+    let size = check::Run { local: &local, integrator, ticks: tick_count, ticks_per_cycle };
+    let (mesh, fixed) = mesh::mesh(&file.mesh, folder, size)?;
+    let material = material::material(&file.material, &mesh)?;
+    let schedule = file.run.schedule;
+    let tick_s = 1.0 / local_rate_hz;
+    let (deadline, costs) = timing::timing(&file.timing, schedule, tick_s)?;
+    if schedule == Schedule::Threads {
+        // A latency of none is what real time has anyway.
+        no_effect("sync.latency_ticks", file.sync.latency_ticks.is_some_and(|ticks| ticks > 0), check::IN_REAL_TIME)?;
+    }
+    if is_full {
+        no_effect("instrument.smoothing_ticks", file.instrument.smoothing_ticks.is_some(), check::NO_HAND_OVERS)?;
+    }
+    let (instrument, path) = instrument::instrument(&file.instrument, folder)?;
+    Ok(Scene {
+        settle: file.settle.unwrap_or(false),
+        global: global::global(&file)?,
+        contact: contact(&file.contact)?,
+        surface: file.contact.surface,
+        smoothing_ticks: file.instrument.smoothing_ticks.unwrap_or(0),
+        name: file.name,
+        mesh,
+        fixed,
+        material,
+        integrator,
+        instrument,
+        path,
+        schedule,
+        deadline,
+        costs,
+        local_rate_hz,
+        ticks_per_cycle,
+        tick_count,
+        is_full,
+        local,
+        source: None,
+    })
+}
+
+fn contact(contact: &ContactTable) -> Read<ContactRules> {
+    let because = match contact.law {
+        LawName::Sliding => "`contact.law = \"sliding\"`",
+        LawName::Sticking => "`contact.law = \"sticking\"`",
+        LawName::StickSlip => "",
+    };
+    let law = match (contact.law, contact.friction) {
+        (LawName::StickSlip, Some(friction)) => Law::StickSlip { friction },
+        (LawName::StickSlip, None) => return Err(Problem::Missing("contact.friction")),
+        (LawName::Sliding, None) => Law::Sliding,
+        (LawName::Sticking, None) => Law::Sticking,
+        (LawName::Sliding | LawName::Sticking, Some(_)) => {
+            return Err(Problem::NoEffect { key: "contact.friction", because });
+        }
+    };
+    let wall = Wall::default();
+    Ok(ContactRules {
+        law,
+        scheme: scheme(contact)?,
+        wall: Wall {
+            stiffness: contact.wall_stiffness.unwrap_or(wall.stiffness),
+            damping: contact.wall_damping.unwrap_or(wall.damping),
+        },
+    })
+}
+
+fn scheme(contact: &ContactTable) -> Read<Scheme> {
+    match contact.scheme {
+        SchemeName::Velocity => {
+            let because = "`contact.scheme = \"velocity\"`";
+            no_effect("contact.deformation", contact.deformation.is_some(), because)?;
+            no_effect("contact.metric", contact.metric.is_some(), because)?;
+            Ok(Scheme::Velocity)
+        }
+        SchemeName::Geometric => Ok(Scheme::Geometric {
+            deformation: contact.deformation.unwrap_or_default(),
+            metric: contact.metric.unwrap_or_default(),
+        }),
+    }
+}
+
+fn no_effect(key: &'static str, is_given: bool, because: &'static str) -> Read {
+    if is_given { Err(Problem::NoEffect { key, because }) } else { Ok(()) }
+}

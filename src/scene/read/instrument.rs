@@ -1,0 +1,115 @@
+//! The `[instrument]` part: its path, and the modelled device with all that belongs to it.
+
+use std::path::Path;
+
+use super::{Read, no_effect};
+use crate::device::coupled::CoupledSettings;
+use crate::device::coupling::CouplingSettings;
+use crate::device::instrument::InstrumentKind;
+use crate::device::path::{TipPath, Waypoint};
+use crate::device::phantom::PhantomSettings;
+use crate::device::phantom::hand::HandSettings;
+use crate::scene::error::Problem;
+use crate::scene::file::{CouplingTable, DeviceTable, HandTable, InstrumentTable};
+use crate::scene::words::InstrumentName;
+use crate::{Mat3, Vec3};
+
+pub(super) fn instrument(table: &InstrumentTable, folder: &Path) -> Read<(InstrumentKind, TipPath)> {
+    match table.kind {
+        InstrumentName::Path => {
+            let because = "`instrument.kind = \"path\"`";
+            no_effect("instrument.file", table.file.is_some(), because)?;
+            no_device(table, because)?;
+            Ok((InstrumentKind::Path, waypoints(table)?))
+        }
+        InstrumentName::Recording => {
+            let because = "`instrument.kind = \"recording\"`";
+            no_effect("instrument.waypoints", table.waypoints.is_some(), because)?;
+            no_device(table, because)?;
+            let key = "instrument.file";
+            let file = table.file.as_ref().ok_or(Problem::Missing(key))?;
+            let path = TipPath::from_csv(&folder.join(file)).map_err(|error| Problem::Path { key, error })?;
+            Ok((InstrumentKind::Path, path))
+        }
+        InstrumentName::Phantom => {
+            no_effect("instrument.file", table.file.is_some(), "`instrument.kind = \"phantom-1.5\"`")?;
+            let settings = CoupledSettings {
+                phantom: phantom(table.device.as_ref(), table.hand.as_ref()),
+                coupling: table.coupling.as_ref().map(coupling),
+                passivity_control: table.passivity_control.unwrap_or(false),
+            };
+            Ok((InstrumentKind::Phantom(Box::new(settings)), waypoints(table)?))
+        }
+    }
+}
+
+fn no_device(table: &InstrumentTable, because: &'static str) -> Read {
+    no_effect("instrument.passivity_control", table.passivity_control.is_some(), because)?;
+    no_effect("instrument.device", table.device.is_some(), because)?;
+    no_effect("instrument.hand", table.hand.is_some(), because)?;
+    no_effect("instrument.coupling", table.coupling.is_some(), because)
+}
+
+fn waypoints(table: &InstrumentTable) -> Read<TipPath> {
+    let key = "instrument.waypoints";
+    let list = table.waypoints.as_ref().ok_or(Problem::Missing(key))?;
+    let mut path = Vec::with_capacity(list.len());
+    for (index, waypoint) in list.iter().enumerate() {
+        let &[time, x, y, z] = waypoint.as_slice() else {
+            return Err(Problem::Waypoint { index, given: waypoint.clone() });
+        };
+        path.push(Waypoint { time, position: Vec3::new(x, y, z) });
+    }
+    TipPath::new(path).map_err(|error| Problem::Path { key, error })
+}
+
+fn phantom(device: Option<&DeviceTable>, hand: Option<&HandTable>) -> PhantomSettings {
+    let mut settings = PhantomSettings::default();
+    if let Some(hand) = hand {
+        settings.hand = self::hand(hand);
+    }
+    let Some(table) = device else { return settings };
+    let PhantomSettings { axes, joints, actuation, substeps, .. } = &mut settings;
+    if let Some(rows) = table.rotation {
+        axes.rotation = Mat3::from_fn(|row, column| rows[row][column]);
+    }
+    set(&mut axes.offset, table.offset.map(Vec3::from));
+    set(&mut joints.damping, table.joint_damping.map(Vec3::repeat));
+    set(&mut joints.friction, table.joint_friction.map(Vec3::from));
+    set(&mut joints.friction_speed, table.friction_speed);
+    set(&mut joints.rotor_inertia, table.rotor_inertia.map(Vec3::from));
+    set(&mut actuation.torque_constant, table.torque_constant);
+    set(&mut actuation.capstan_ratio, table.capstan_ratio.map(Vec3::from));
+    set(&mut actuation.largest_current, table.largest_current);
+    set(&mut actuation.torque_bits, table.torque_bits);
+    set(&mut actuation.encoder_counts, table.encoder_counts.map(f64::from));
+    set(&mut actuation.amplifier_bandwidth, table.amplifier_bandwidth);
+    set(&mut actuation.largest_force, table.largest_force);
+    set(substeps, table.substeps);
+    settings
+}
+
+fn hand(table: &HandTable) -> HandSettings {
+    let mut settings = HandSettings::default();
+    set(&mut settings.mass, table.mass.map(Vec3::from));
+    set(&mut settings.stylus_stiffness, table.stylus_stiffness.map(Vec3::from));
+    set(&mut settings.stylus_damping, table.stylus_damping.map(Vec3::from));
+    set(&mut settings.arm_stiffness, table.arm_stiffness.map(Vec3::from));
+    set(&mut settings.arm_damping, table.arm_damping.map(Vec3::from));
+    settings
+}
+
+fn coupling(table: &CouplingTable) -> CouplingSettings {
+    let mut settings = CouplingSettings::default();
+    set(&mut settings.stiffness, table.stiffness);
+    set(&mut settings.damping, table.damping);
+    set(&mut settings.mass, table.mass);
+    settings
+}
+
+/// Replaces a default by what is given, if it is.
+fn set<T>(setting: &mut T, given: Option<T>) {
+    if let Some(given) = given {
+        *setting = given;
+    }
+}

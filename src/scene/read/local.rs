@@ -1,0 +1,64 @@
+//! The `[local]` part: how far the local model reaches, its forces, and what the rest of the network does.
+
+use super::{Read, no_effect};
+use crate::local::condensation::{Condensation, Reach};
+use crate::local::model::{ExteriorKind, Linearization, LocalSettings};
+use crate::local::patch::Extent;
+use crate::scene::file::LocalTable;
+use crate::scene::words::{ExteriorName, LinearizationName, LocalModelName, Rings};
+
+pub(super) fn local(table: &LocalTable) -> Read<LocalSettings> {
+    let LocalTable { rings, linearization, exterior, tangent, condense_rings, far_field, .. } = table;
+    if table.model == LocalModelName::Full {
+        let because = "`local.model = \"full\"`";
+        no_effect("local.rings", rings.is_some(), because)?;
+        no_effect("local.linearization", linearization.is_some(), because)?;
+        no_effect("local.exterior", exterior.is_some(), because)?;
+        no_effect("local.tangent", tangent.is_some(), because)?;
+        no_effect("local.condense_rings", condense_rings.is_some(), because)?;
+        no_effect("local.far_field", far_field.is_some(), because)?;
+        return Ok(LocalSettings::FULL);
+    }
+    let extent = match rings {
+        None => LocalSettings::default().extent,
+        Some(Rings::Count(rings)) => Extent::Rings(*rings),
+        Some(Rings::All(_)) => Extent::All,
+    };
+    if extent == Extent::All {
+        no_effect("local.exterior", exterior.is_some(), "`local.rings = \"all\"`")?;
+    }
+    let exterior = exterior.unwrap_or_default();
+    let is_condensed = exterior == ExteriorName::Condensed;
+    let linearization = match linearization.unwrap_or_default() {
+        LinearizationName::Tangent => Linearization::Tangent(tangent.unwrap_or_default()),
+        LinearizationName::None => {
+            no_effect("local.tangent", tangent.is_some() && !is_condensed, "`local.linearization = \"none\"`")?;
+            Linearization::None
+        }
+    };
+    if !is_condensed {
+        let because = "a `local.exterior` that is not \"condensed\"";
+        no_effect("local.condense_rings", condense_rings.is_some(), because)?;
+        no_effect("local.far_field", far_field.is_some(), because)?;
+    }
+    let exterior = match exterior {
+        ExteriorName::Fixed => ExteriorKind::Fixed,
+        ExteriorName::Drifting => ExteriorKind::Drifting,
+        ExteriorName::Condensed => {
+            let tangent = tangent.unwrap_or_default();
+            ExteriorKind::Condensed(Condensation { tangent, reach: reach(table)? })
+        }
+    };
+    Ok(LocalSettings { extent, linearization, exterior })
+}
+
+/// How much of a condensed exterior follows.
+fn reach(table: &LocalTable) -> Read<Reach> {
+    match table.condense_rings {
+        None | Some(Rings::All(_)) => {
+            no_effect("local.far_field", table.far_field.is_some(), "`local.condense_rings = \"all\"`")?;
+            Ok(Reach::All)
+        }
+        Some(Rings::Count(rings)) => Ok(Reach::Rings { rings, far_field: table.far_field.unwrap_or_default() }),
+    }
+}

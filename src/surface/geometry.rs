@@ -1,0 +1,165 @@
+//! The contact surface: which one, what is prepared for it once per mesh, and the points on it.
+
+use std::sync::Arc;
+
+use super::subdivision::{LARGEST_SUPPORT, LimitSurface};
+use crate::Vec3;
+use crate::model::topology::{Surface, SurfaceError};
+use crate::word::words;
+
+/// Which surface the tip feels.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum ContactSurface {
+    /// The triangles with their face normals (the paper). The normal jumps at an edge.
+    #[default]
+    Faceted,
+    /// The triangles with normals interpolated from the vertices. No jump, but not the normal of
+    /// what slides: it creates energy.
+    Shaded,
+    /// The Loop limit surface with its true normal: no jump, and no energy from nowhere.
+    Subdivision,
+}
+
+words!(ContactSurface { Faceted = "faceted", Shaded = "shaded", Subdivision = "subdivision" });
+
+/// A contact surface with what is prepared for it once per mesh.
+///
+/// ```
+/// use stickslip::surface::geometry::{ContactGeometry, ContactPoint, ContactSurface};
+/// use stickslip::{model::mesh::{Block, Stencil}, model::topology::Surface};
+///
+/// let mesh = Block { nodes: [9, 9, 4], spacing: 0.0125, stencil: Stencil::Shear }.mesh();
+/// let surface = Surface::new(&mesh)?;
+/// let point = ContactPoint { triangle: 60, weights: [0.2, 0.3, 0.5] };
+/// for kind in [ContactSurface::Faceted, ContactSurface::Subdivision] {
+///     let geometry = ContactGeometry::new(kind, &surface)?;
+///     let weights: Vec<(u32, f64)> = geometry.weights(&surface, &point).collect();
+///     assert_eq!(weights.len(), geometry.support(&surface, 60).len());
+///     assert!(weights.len() <= geometry.largest_support());
+///     let sum: f64 = weights.iter().map(|(_, weight)| weight).sum();
+///     assert!((sum - 1.0).abs() < 1e-14); // where the mesh goes, the contact point goes
+/// }
+/// # Ok::<(), stickslip::model::topology::SurfaceError>(())
+/// ```
+#[derive(Debug, Clone)]
+pub enum ContactGeometry {
+    /// The triangles with their face normals.
+    Faceted,
+    /// The triangles with interpolated normals.
+    Shaded,
+    /// The Loop limit surface.
+    Limit(Arc<LimitSurface>),
+}
+
+impl ContactGeometry {
+    /// Prepares a contact surface.
+    ///
+    /// # Errors
+    /// If the mesh is none that a subdivision surface can be made of.
+    pub fn new(kind: ContactSurface, surface: &Surface) -> Result<Self, SurfaceError> {
+        Ok(match kind {
+            ContactSurface::Faceted => Self::Faceted,
+            ContactSurface::Shaded => Self::Shaded,
+            ContactSurface::Subdivision => Self::Limit(Arc::new(LimitSurface::new(surface)?)),
+        })
+    }
+
+    /// The vertices that decide where a triangle's contact points are.
+    #[inline]
+    pub fn support<'a>(&'a self, surface: &'a Surface, triangle: u32) -> &'a [u32] {
+        match self {
+            Self::Faceted | Self::Shaded => &surface.triangles[triangle as usize],
+            Self::Limit(limit) => limit.support(triangle),
+        }
+    }
+
+    /// Vertices in a [`support`](Self::support), at most.
+    pub fn largest_support(&self) -> usize {
+        match self {
+            Self::Faceted | Self::Shaded => 3,
+            Self::Limit(limit) => limit.largest_support(),
+        }
+    }
+
+    /// Those vertices with their weights at a contact point: p = Σ wᵢxᵢ, Σ w = 1.
+    pub fn weights(&self, surface: &Surface, point: &ContactPoint) -> impl Iterator<Item = (u32, f64)> {
+        let mut weights = [(0, 0.0); LARGEST_SUPPORT];
+        let support = self.support(surface, point.triangle);
+        match self {
+            Self::Faceted | Self::Shaded => {
+                weights.iter_mut().zip(support.iter().copied().zip(point.weights)).for_each(|(to, from)| *to = from);
+            }
+            Self::Limit(limit) => {
+                let jet = limit.jet(point.triangle, point.weights);
+                let values = jet.entries().iter().map(|entry| entry[0]);
+                weights.iter_mut().zip(support.iter().copied().zip(values)).for_each(|(to, from)| *to = from);
+            }
+        }
+        weights.into_iter().take(support.len())
+    }
+}
+
+/// The contact surface of one mesh: its triangles, and the positions and normals that the tip feels on them. Constant
+/// within a run, and cheap to clone.
+#[derive(Debug, Clone)]
+pub struct SurfaceModel {
+    /// The boundary triangles of the mesh and their neighbours.
+    pub topology: Arc<Surface>,
+    /// What is prepared for the kind of surface.
+    pub geometry: ContactGeometry,
+}
+
+impl SurfaceModel {
+    /// Prepares a kind of contact surface over the boundary of a mesh.
+    ///
+    /// # Errors
+    /// If no subdivision surface can be made of the mesh.
+    pub fn new(kind: ContactSurface, topology: Arc<Surface>) -> Result<Self, SurfaceError> {
+        Ok(Self { geometry: ContactGeometry::new(kind, &topology)?, topology })
+    }
+
+    /// The triangles with their face normals (the paper), which any mesh has.
+    pub fn faceted(topology: Arc<Surface>) -> Self {
+        Self { topology, geometry: ContactGeometry::Faceted }
+    }
+
+    /// Vertices that decide where a triangle's contact points are.
+    pub fn support(&self, triangle: u32) -> &[u32] {
+        self.geometry.support(&self.topology, triangle)
+    }
+
+    /// Those vertices with their weights at a contact point: p = Σ wᵢxᵢ, Σ w = 1.
+    pub fn weights(&self, point: &ContactPoint) -> impl Iterator<Item = (u32, f64)> {
+        self.geometry.weights(&self.topology, point)
+    }
+
+    /// The nodes that a contact point rests on, with their weights.
+    pub fn node_weights(&self, point: &ContactPoint) -> impl Iterator<Item = (usize, f64)> {
+        self.weights(point).map(|(vertex, weight)| (self.topology.vertex_node[vertex as usize] as usize, weight))
+    }
+}
+
+/// A material point of the surface.
+///
+/// ```
+/// use stickslip::{Vec3, surface::geometry::ContactPoint};
+///
+/// let middle = ContactPoint { triangle: 0, weights: [1.0 / 3.0; 3] };
+/// let centroid = middle.position([Vec3::zeros(), Vec3::x() * 3.0, Vec3::y() * 3.0]);
+/// assert!((centroid - Vec3::new(1.0, 1.0, 0.0)).norm() < 1e-15);
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactPoint {
+    /// The triangle it lies in.
+    pub triangle: u32,
+    /// Barycentric weights α, β, γ; their sum is 1.
+    pub weights: [f64; 3],
+}
+
+impl ContactPoint {
+    /// p = αa + βb + γc.
+    #[inline]
+    pub fn position(&self, [a, b, c]: [Vec3; 3]) -> Vec3 {
+        a * self.weights[0] + b * self.weights[1] + c * self.weights[2]
+    }
+}
