@@ -215,7 +215,7 @@ impl fmt::Display for Expected {
                 write!(f, "answer: ")?;
                 for (i, (quantity, tolerance)) in quantities.iter().enumerate() {
                     let bound = if quantity.is_floor() { "≥" } else { "≤" };
-                    write!(f, "{}{} {bound} {tolerance:.0e}", if i > 0 { "; " } else { "" }, quantity.name())?;
+                    write!(f, "{}{} {bound} {tolerance:.1e}", if i > 0 { "; " } else { "" }, quantity.name())?;
                 }
                 Ok(())
             }
