@@ -104,7 +104,7 @@ fn a_force_worse_than_none_is_diverged() {
 /// Parts of the error and what the windows say add up to the whole.
 #[test]
 fn errors_add_up() {
-    let worst = Worst::new("sum of its parts", "square of the relative force error", 1e-12);
+    let worst = Worst::new("sum of its parts", "square of the relative force error", 1e-16);
     let scene = small_scene("law = \"stick-slip\"\nfriction = 0.5", "rings = 1", PRESS_AND_DRAG);
     let reference = Reference::of(&scene, touching(&scene)).expect("it starts outside");
     let errors = assess(&scene, &reference, PAPER).errors;

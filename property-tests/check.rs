@@ -4,20 +4,23 @@ use std::cell::Cell;
 
 use proptest::test_runner::{Config, RngSeed, TestCaseError, TestRunner};
 use stickslip::Vec3;
+use stickslip::output::measures::is_tunnelling;
 use stickslip::pipeline::{self, RunError};
 use stickslip::scene::Scene;
 
-/// The largest residual of one quantity. Dropping it prints a row of the cross-check table.
+/// The largest residual of one quantity. Dropping it prints a row of the cross-check table, and fails if nothing was
+/// ever compared.
 pub struct Worst {
     reference: &'static str,
     quantity: &'static str,
     tolerance: f64,
     largest: Cell<f64>,
+    comparisons: Cell<u64>,
 }
 
 impl Worst {
     pub fn new(reference: &'static str, quantity: &'static str, tolerance: f64) -> Self {
-        Self { reference, quantity, tolerance, largest: Cell::new(0.0) }
+        Self { reference, quantity, tolerance, largest: Cell::new(0.0), comparisons: Cell::new(0) }
     }
 
     /// Fails unless the residual is within the tolerance; NaN is not.
@@ -34,6 +37,7 @@ impl Worst {
     }
 
     fn compare(&self, residual: f64) -> Result<(), String> {
+        self.comparisons.set(self.comparisons.get() + 1);
         if residual <= self.tolerance {
             self.largest.set(self.largest.get().max(residual));
             return Ok(());
@@ -44,6 +48,10 @@ impl Worst {
 
 impl Drop for Worst {
     fn drop(&mut self) {
+        if self.comparisons.get() == 0 {
+            assert!(std::thread::panicking(), "{} | {}: nothing was compared", self.reference, self.quantity);
+            return;
+        }
         println!(
             "RESIDUAL | {} | {} | {:.1e} | {:.1e}",
             self.reference,
@@ -52,6 +60,16 @@ impl Drop for Worst {
             self.largest.get()
         );
     }
+}
+
+#[test]
+fn a_residual_that_is_none_does_not_pass() {
+    let worst = || Worst::new("itself", "made to fail", 1.0);
+    // It never drops, and so is no row of the table.
+    let undropped = std::mem::ManuallyDrop::new(worst());
+    assert!(undropped.case(f64::NAN).is_err() && undropped.case(1.1).is_err() && undropped.case(1.0).is_ok());
+    let never = std::panic::catch_unwind(|| drop(worst())).expect_err("nothing was compared");
+    assert!(never.downcast_ref::<String>().is_some_and(|message| message.contains("nothing was compared")));
 }
 
 /// Random cases from a fixed seed, so that a failure repeats; PROPTEST_RNG_SEED and PROPTEST_CASES
@@ -100,13 +118,8 @@ pub fn run(scene: &Scene) -> Run {
         run.mode.push(view.report.mode);
         run.rigid_ticks += usize::from(view.report.rigid);
         run.releases += usize::from(view.report.released);
-        if view.report.touch.is_none() {
-            if view.local.contact().is_some() {
-                run.tension_ticks += 1;
-            } else if !(view.local.shape().signed_distance(view.tip) >= -1e-12) {
-                run.tunnelling_ticks += 1;
-            }
-        }
+        run.tension_ticks += usize::from(view.report.touch.is_none() && view.local.contact().is_some());
+        run.tunnelling_ticks += usize::from(is_tunnelling(view));
     });
     match end {
         Ok(()) => {}

@@ -8,11 +8,13 @@ mod printed;
 mod recordings;
 mod report;
 
+use std::collections::HashSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use assert_cmd::Command;
+use stickslip::verify::extremes::{EXTREMES, Extreme};
 
 /// The shipped stick-slip scene, which every bad scene is made from by one replacement.
 const GOOD: &str = include_str!("../fixtures/scenes/fig5-stick-slip.toml");
@@ -291,7 +293,12 @@ fn stability_writes_a_page_that_stands_alone_and_its_numbers() {
     let walls = json["z_width"].as_array().expect("virtual walls");
     assert!(walls.len() == 12 && walls.iter().all(|wall| wall["agrees"] == true), "{walls:?}");
     let extremes = json["extremes"].as_array().expect("extremes");
-    assert_eq!(extremes.len(), 2 * fs::read_dir("fixtures/extremes").expect("scenes").count());
+    let runs = |extreme: &Extreme| extreme.variants().len();
+    assert_eq!(EXTREMES.len(), fs::read_dir("fixtures/extremes").expect("scenes").count());
+    assert_eq!(extremes.len(), EXTREMES.iter().map(runs).sum::<usize>());
+    let rows: HashSet<_> =
+        extremes.iter().map(|extreme| (extreme["scene"].as_str(), extreme["contact"].as_str())).collect();
+    assert_eq!(rows.len(), extremes.len(), "a run that is there twice");
     assert!(extremes.iter().all(|extreme| extreme["as_expected"] == true));
 
     let missing = stickslip(&["stability", "no-such-scene"]);

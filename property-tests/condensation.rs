@@ -17,18 +17,18 @@ use stickslip::model::state::State;
 use stickslip::model::topology::Surface;
 use stickslip::pipeline;
 use stickslip::surface::geometry::SurfaceModel;
+use stickslip::verify::residual::largest;
 
 use crate::check::{PRESS_AND_DRAG, Worst, relative_rms, run, runner, shipped, small_scene};
 
-/// C against dense LU: round-off times the condition of K_EE, at most 1e4 for these blocks.
-/// Measured: 2e-15.
-const SAME_MATRIX: f64 = 1e-12;
+/// C against dense LU: round-off, and ten times what is measured for other vector instructions. Measured: 2e-15.
+const SAME_MATRIX: f64 = 2e-14;
 /// The inverse of K + C against a part of the inverse of the whole: two such conditions.
 /// Measured: 2e-15.
-const SAME_COMPLIANCE: f64 = 1e-12;
+const SAME_COMPLIANCE: f64 = 2e-14;
 /// The lowest eigenvalue of a matrix that is semidefinite, relative to k: round-off.
 /// Measured: 5e-16.
-const SEMIDEFINITE: f64 = 1e-12;
+const SEMIDEFINITE: f64 = 5e-15;
 
 const ALL_EXACT: Condensation = Condensation { tangent: TangentKind::Exact, reach: Reach::All };
 const ALL_STABILISED: Condensation = Condensation { tangent: TangentKind::Stabilised, reach: Reach::All };
@@ -131,7 +131,7 @@ fn stiffness(condensed: Condensed) -> DMatrix<f64> {
 }
 
 fn distance(a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
-    (a - b).amax() / b.amax()
+    largest((a - b).iter().map(|entry| entry.abs())) / b.amax()
 }
 
 #[test]
@@ -182,8 +182,8 @@ fn the_stabilised_model_is_never_unstable() {
         let case = Case::new([5, 5, 4], Stencil::Shear, noise, Vec3::zeros(), 1, seed);
         let c = stiffness(case.condense(ALL_STABILISED));
         let stiffest = (case.own(TangentKind::Stabilised) - &c).symmetric_eigenvalues().min() / 100.0;
-        worst.case((-stiffest).max(0.0))?;
-        worst.case((-c.symmetric_eigenvalues().min() / 100.0).max(0.0))
+        worst.case(-stiffest)?;
+        worst.case(-c.symmetric_eigenvalues().min() / 100.0)
     });
     result.unwrap();
 }
@@ -191,7 +191,7 @@ fn the_stabilised_model_is_never_unstable() {
 /// What the haptic loop computes: a tangent model has K + C, one of springs adds C(x − x₀).
 #[test]
 fn the_local_model_feels_the_exterior_follow() {
-    let worst = Worst::new("C times the displacement", "forces that a condensed exterior adds, relative", 1e-12);
+    let worst = Worst::new("C times the displacement", "forces that a condensed exterior adds, relative", 2e-14);
     let case = Case::new([6, 6, 4], Stencil::Shear, 5e-4, Vec3::zeros(), 1, 0.9);
     let state = State { x: case.x.clone(), v: vec![Vec3::new(0.01, -0.02, 0.005); case.x.len()] };
     let c = stiffness(case.condense(ALL_STABILISED));
@@ -268,7 +268,7 @@ fn a_coarse_far_field_keeps_the_compliance() {
 fn a_coarse_far_field_is_a_galerkin_projection() {
     // The ground under the vertices, 1e-8 of k, against a softest mode of the order 1e-2 k.
     // Measured: 1.4e-9.
-    let worst = Worst::new("nalgebra, dense LU", "C with a coarse far field, relative", 1e-6);
+    let worst = Worst::new("nalgebra, dense LU", "C with a coarse far field, relative", 1e-8);
     let case = Case::new([9, 9, 5], Stencil::Shear, 4e-4, Vec3::zeros(), 1, 1.1);
     let reached = case.reached(2);
     let (near, far): (Vec<u32>, Vec<u32>) = case.exterior().into_iter().partition(|&node| reached[node as usize]);
@@ -407,7 +407,7 @@ fn a_state_that_is_not_finite_does_not_stop_the_cycle() {
 /// A body that nothing holds: the exterior follows the patch, and moving both costs nothing.
 #[test]
 fn a_free_body_moves_as_a_whole() {
-    let worst = Worst::new("rigid motion", "force of a condensed free body that is shifted, relative", 1e-12);
+    let worst = Worst::new("rigid motion", "force of a condensed free body that is shifted, relative", 1e-14);
     let block = Block { nodes: [5, 5, 4], spacing: 0.0125, stencil: Stencil::Shear };
     let case = Case::of(block.mesh(), vec![false; 100], 0.0, Vec3::zeros(), 1, 1.4);
     let mut condenser = Condenser::new(&case.network, ALL_EXACT);
@@ -416,7 +416,7 @@ fn a_free_body_moves_as_a_whole() {
     let tangent = case.own(TangentKind::Exact) - stiffness(condensed);
     for axis in 0..3 {
         let shift = DVector::from_fn(3 * case.patch.len(), |i, _| f64::from(u8::from(i % 3 == axis)));
-        worst.check((&tangent * shift).amax() / tangent.amax());
+        worst.check(largest((&tangent * shift).iter().map(|entry| entry.abs())) / tangent.amax());
     }
 }
 

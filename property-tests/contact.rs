@@ -18,6 +18,7 @@ use stickslip::pipeline;
 use stickslip::scene::{Expectation, SHIPPED, Scene};
 use stickslip::surface::geometry::{ContactPoint, ContactSurface, SurfaceModel};
 use stickslip::surface::support::{Metric, Support};
+use stickslip::verify::residual::largest;
 
 use crate::check::{PRESS_AND_DRAG, Run, Worst, run, runner, scene, shipped, small_scene};
 
@@ -54,14 +55,14 @@ fn shipped_scenes_keep_their_laws_and_end_as_expected() {
 /// The paper's three figures in words.
 #[test]
 fn figures_look_like_the_papers() {
-    let peak = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
+    let peak = |values: &[f64]| largest(values.iter().copied());
     let fig3 = run(&shipped("fig3-sliding"));
     assert!(peak(&fig3.normal_force) > 1.0 && peak(&fig3.tangential_force) < 1e-13);
     let fig4 = run(&shipped("fig4-sticking"));
     let above = fig4.tangential_force.iter().zip(&fig4.normal_force).filter(|(t, n)| t > n).count();
     assert!(above > 600, "the tangential force is above the normal in {above} ticks");
     let fig5 = run(&shipped("fig5-stick-slip"));
-    let total = fig5.force.iter().map(Vec3::norm).fold(0.0, f64::max);
+    let total = largest(fig5.force.iter().map(Vec3::norm));
     let stick = fig5.mode.iter().filter(|&&mode| mode == Mode::Stick).count() as f64 / fig5.mode.len() as f64;
     // An independent trial: 2.4 N and 22 %, to the digits it was told with.
     assert!((total - 2.4).abs() <= 0.05, "{total} N");
@@ -159,7 +160,7 @@ fn lifting_the_tip_ends_contact_without_pulling() {
 #[test]
 fn fixed_ground_is_a_wall() {
     let k = 1000.0;
-    let worst = Worst::new("closed form", "rigid contact: force - k depth, N", 1e-12);
+    let worst = Worst::new("closed form", "rigid contact: force - k depth, N", 1e-15);
     let scene = scene(
         r#"
         name = "wall"
@@ -276,7 +277,7 @@ fn collisions_are_those_of_dense_sampling() {
     use stickslip::contact::collision::pass_inwards;
     // The tip at the time of collision against the point its weights give, relative to its way; needles
     // amplify round-off by their aspect. Measured: 1e-13.
-    let worst = Worst::new("geometry", "collision: tip - Σ w x at τ, relative", 1e-11);
+    let worst = Worst::new("geometry", "collision: tip - Σ w x at τ, relative", 1e-12);
     let vector = |size: f64| prop::array::uniform3(-size..size).prop_map(Vec3::from);
     // Corners c close to the line ab make needles of any aspect down to 1e-6.
     let triangle = (vector(1.0), vector(1.0), -1.0..2.0_f64, vector(1.0), (-6.0..0.0_f64))
@@ -493,7 +494,7 @@ fn shaded_normals_remove_the_jump_at_edges() {
         scene.surface = surface;
         scene.contact.scheme = Scheme::Geometric { deformation: Deformation::LeastNorm, metric: Metric::Euclidean };
         let run = run(&scene);
-        drag(&run).map(|i| (run.force[i] - run.force[i - 1]).norm()).fold(0.0, f64::max)
+        largest(drag(&run).map(|i| (run.force[i] - run.force[i - 1]).norm()))
     };
     let (faceted, shaded) = (jump(ContactSurface::Faceted), jump(ContactSurface::Shaded));
     println!("RESIDUAL | comparison | fig3 full: largest jump faceted / shaded | - | {faceted:.4} N / {shaded:.4} N");

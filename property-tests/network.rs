@@ -134,8 +134,8 @@ fn largest_error(integrator: GlobalIntegrator, damping: f64, steps: u32) -> f64 
 fn one_mass_follows_its_closed_form() {
     // Truncation (hω)⁴/120 ≈ 1e-14 of the amplitude, and the round-off of 4,000 steps. Measured: 3e-15.
     let closed = Worst::new("closed form", "one mass, under-, critically and over-damped, RK4, m", 1e-13);
-    // The asymptotic order at steps where the next term is a few per cent. Measured: 0.003, 0.04.
-    let first = Worst::new("closed form", "order of semi-implicit Euler, distance from 1", 0.1);
+    // The asymptotic order at steps where the next term is a few per cent. Measured: 2e-4, 0.04.
+    let first = Worst::new("closed form", "order of semi-implicit Euler, distance from 1", 0.01);
     let fourth = Worst::new("closed form", "order of RK4, distance from 4", 0.2);
     for damping in [0.2, 2.0, 6.0] {
         closed.check(largest_error(GlobalIntegrator::Rk4, damping, 4000));

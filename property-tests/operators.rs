@@ -6,6 +6,7 @@ use stickslip::Vec3;
 use stickslip::contact::law::{Law, Mode};
 use stickslip::contact::literal::{ContactFrame, LiteralOperators};
 use stickslip::surface::support::{Metric, Support};
+use stickslip::verify::residual::largest;
 
 use crate::check::{Worst, runner};
 
@@ -368,7 +369,7 @@ fn friction_spans_sliding_to_sticking() {
         // normal motion; Q would have stopped it all. In the metric's own inner product both give
         // the same: Wᵀn̂ F_N is in the kernel of Q M⁻¹ only there, or for equal masses.
         if case.frame.metric == Metric::Mass {
-            let difference = v_sliding.iter().zip(&v_smooth).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+            let difference = largest(v_sliding.iter().zip(&v_smooth).map(|(a, b)| (a - b).norm()));
             frictionless.case(difference / scale(&f[..n], &v[..n]))?;
         }
         let sticking = constrained(Law::Sticking, &case, &f[..n], &v[..n]);

@@ -117,7 +117,7 @@ fn the_whole_device_converges_with_order_4_and_keeps_its_books() {
     );
     assert!((of_motion[2] - 4.0).abs() <= 0.1, "{of_motion:?} {distances:?}");
     assert!((of_books[2] - 4.0).abs() <= 0.1, "{of_books:?} {books:?}");
-    Worst::new("energy", "PHANTOM, 10 substeps: book, relative to work", 1e-5).check(books[0]);
+    Worst::new("energy", "PHANTOM, 10 substeps: book, relative to work", 1e-6).check(books[0]);
 }
 
 /// The joints without friction give to the hand what the motors gave them and they do not keep.
@@ -135,7 +135,7 @@ fn what_the_hand_gets_is_what_the_joints_give() {
 /// i̇ = 2π·1000 Hz (i_c − i) over 0.2 ms.
 #[test]
 fn amplifiers_lag_by_their_bandwidth() {
-    let worst = Worst::new("algebra", "PHANTOM: current after a step of the command, relative", 1e-8);
+    let worst = Worst::new("algebra", "PHANTOM: current after a step of the command, relative", 1e-9);
     let plant = plant(&PhantomSettings::default(), 100, still());
     let command = Vec3::new(1.0, -2.0, 0.5);
     let end = plant.advance(&PlantState::at_rest(Vec3::zeros()), 0.0, 2e-4, &command);
@@ -230,7 +230,7 @@ fn a_limit_that_is_hit_is_named_with_its_time() {
 
 #[test]
 fn sustained_forces_warn_and_are_not_limited() {
-    let worst = Worst::new("algebra", "PHANTOM: mean force against its exponential, relative", 1e-9);
+    let worst = Worst::new("algebra", "PHANTOM: mean force against its exponential, relative", 5e-14);
     let mut phantom = Phantom::new(PhantomSettings::default(), &still(), TICK).expect("at home");
     let mut warned = None;
     for tick in 1..=20_000 {

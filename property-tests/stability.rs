@@ -10,6 +10,7 @@ use stickslip::local::step::LocalIntegrator;
 use stickslip::model::mesh::{Block, Stencil};
 use stickslip::model::network::{Material, Network};
 use stickslip::model::state::ExternalForce;
+use stickslip::verify::residual::largest;
 use stickslip::verify::stability_map::{Axis, EXTERIORS, MapError, MapPoint, TOLERANCE, Touching, boundaries};
 
 use crate::check::{Worst, small_scene};
@@ -54,7 +55,7 @@ fn spectral_radius(network: &Network, h: f64) -> f64 {
     step.view_mut((n, n), (n, n)).copy_from(&velocity_from_v);
     step.view_mut((0, 0), (n, n)).copy_from(&(&identity + &velocity_from_x * h));
     step.view_mut((0, n), (n, n)).copy_from(&(&velocity_from_v * h));
-    step.complex_eigenvalues().iter().map(|value| value.norm()).fold(0.0, f64::max)
+    largest(step.complex_eigenvalues().iter().map(|value| value.norm()))
 }
 
 #[test]
@@ -79,8 +80,8 @@ fn predicted_limit_is_where_the_spectral_radius_reaches_one() {
 
 #[test]
 fn proportional_damping_has_its_closed_form() {
-    // ω_max of the power iteration against that of a dense eigenvalue. Measured: 1e-15.
-    let worst = Worst::new("closed form", "2(√(1+ζ²)-ζ)/ω_max, relative", 1e-9);
+    // ω_max of the power iteration against that of a dense eigenvalue. Measured: 3e-12.
+    let worst = Worst::new("closed form", "2(√(1+ζ²)-ζ)/ω_max, relative", 3e-11);
     for damping in [0.0, 0.5, 3.0] {
         let network = network(damping, 0.0);
         let (k, _) = dense_jacobian(&network);
@@ -107,7 +108,7 @@ fn the_limit_separates_decay_from_growth() {
         let mut stepper = Stepper::new(&network);
         (0..3000)
             .for_each(|_| stepper.step(GlobalIntegrator::SemiImplicitEuler, &network, &mut state, h, &Unconstrained));
-        state.v.iter().map(Vec3::norm).fold(0.0, f64::max)
+        largest(state.v.iter().map(Vec3::norm))
     };
     assert!(grown(0.99 * limit) < 1e-8, "just below: {:e}", grown(0.99 * limit));
     let above = grown(1.02 * limit);

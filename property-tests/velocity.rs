@@ -27,8 +27,8 @@ fn completes(scene: &Scene, observe: impl FnMut(&TickView)) {
 #[test]
 fn the_contact_point_follows_the_tip() {
     // Round-off of positions up to 0.05 m. Measured: 2e-17 m.
-    let sticks = Worst::new("velocity scheme", "sticking: p - q1 at the end of a tick, m", 1e-15);
-    let slides = Worst::new("velocity scheme", "sliding: (p - q1).n at the end of a tick, m", 1e-15);
+    let sticks = Worst::new("velocity scheme", "sticking: p - q1 at the end of a tick, m", 1e-16);
+    let slides = Worst::new("velocity scheme", "sliding: (p - q1).n at the end of a tick, m", 1e-16);
     for (_, surface) in surfaces::SURFACES {
         for name in ["deep-sliding", "deep-sticking", "deep-stick-slip"] {
             let mut touched = 0;

@@ -8,6 +8,7 @@ table.py FOLDER [--summary FILE] [--failed WHAT]... [--skipped WHAT]...
 
 import argparse
 import json
+import math
 import subprocess
 import tomllib
 from datetime import UTC, datetime
@@ -25,16 +26,19 @@ def rows(folder):
     if (folder / "python.json").exists():
         for row in json.loads((folder / "python.json").read_text()):
             key = row["test"].split("::")[0].removeprefix("test_").removesuffix(".py"), row["quantity"], row["tolerance"]
-            worst[key] = max(worst.get(key, row["residual"]), row["residual"])
+            known = worst.get(key, row["residual"])
+            worst[key] = known if math.isnan(known) or row["residual"] <= known else row["residual"]
     for (file, quantity, tolerance), residual in worst.items():
         yield [f"numpy: {file}", quantity, f"{tolerance:.1e}", f"{residual:.1e}"]
     for file in sorted((folder / "traces").glob("*/reference-comparison.json")):
         comparison = json.loads(file.read_text())
-        name, largest = max(
-            ((name, quantity["scaled"]["max"]) for name, quantity in comparison["quantities"].items()), key=lambda pair: pair[1])
-        tolerance = comparison["quantities"][name]["tolerance"]
-        rows = comparison["rows"]["trace"]
-        yield ["numpy trace", f"{comparison['scene']}: {rows} rows, every quantity; worst {name}, scaled", f"{tolerance:.1e}", f"{largest:.1e}"]
+        # A difference that is not finite is written as null, and is the largest.
+        largest = {name: math.inf if (most := quantity["scaled"]["max"]) is None else most
+                   for name, quantity in comparison["quantities"].items()}
+        name = max(largest, key=largest.get)
+        tolerance, ticks = comparison["quantities"][name]["tolerance"], comparison["rows"]["trace"]
+        yield ["numpy trace", f"{comparison['scene']}: {ticks} rows, every quantity; worst {name}, scaled", f"{tolerance:.1e}",
+               f"{largest[name]:.1e}"]
 
 
 def git(*arguments):

@@ -4,6 +4,7 @@
 pub mod figures;
 pub mod files;
 pub mod frames;
+pub mod measures;
 pub mod spectrum;
 pub mod summary;
 pub mod trace;

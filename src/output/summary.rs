@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::measures::ContactMeasures;
 use super::spectrum::power_above;
 use crate::Vec3;
 use crate::contact::law::Mode;
@@ -15,9 +16,6 @@ use crate::scene::Scene;
 
 /// Frequencies above this count as ripple, Hz.
 const RIPPLE_HZ: f64 = 100.0;
-/// A free tip this far inside the surface, m, has passed through it. Less is the round-off of two
-/// different tests, collision by triangle planes and inside by the nearest point.
-const TUNNELLED_M: f64 = 1e-12;
 
 /// What one tick leaves for plots and the summary.
 #[derive(Debug, Clone, Copy)]
@@ -62,12 +60,11 @@ impl Summary {
 #[derive(Debug, Default)]
 pub struct Recorder {
     samples: Vec<Sample>,
-    contact_losses: u64,
+    contact: ContactMeasures,
     releases: u64,
     collisions: u64,
     tension_ticks: u64,
     patch_exits: u64,
-    tunnelling_ticks: u64,
     fallback_ticks: u64,
     energy: EnergySummary,
     work: WorkCounts,
@@ -225,7 +222,7 @@ pub struct Summary {
     pub stick_share: Option<f64>,
     /// Times the tip met the surface.
     pub collisions: u64,
-    /// Times the force of a contact dropped to zero.
+    /// Contact losses as [`ContactMeasures`] defines them.
     pub contact_losses: u64,
     /// Times a contact ended.
     pub releases: u64,
@@ -233,7 +230,7 @@ pub struct Summary {
     pub tension_ticks: u64,
     /// Ticks in which the contact was rigid: its point had left the free nodes of the patch.
     pub patch_exits: u64,
-    /// Ticks with the tip inside the surface, no force and no contact kept; must be 0.
+    /// Ticks with the tip inside the surface, no force and no contact kept, by [`ContactMeasures`]; must be 0.
     pub tunnelling_ticks: u64,
     /// Ticks in which the law had no solution for the contact's response and sliding was solved in its place.
     pub fallback_ticks: u64,
@@ -243,7 +240,7 @@ pub struct Summary {
     pub largest_normal_force_n: f64,
     /// N.
     pub largest_tangential_force_n: f64,
-    /// Between two ticks in contact, N.
+    /// Largest force jump as [`ContactMeasures`] defines it, N.
     pub largest_force_jump_n: f64,
     /// Its tick.
     pub largest_force_jump_tick: Option<u64>,
@@ -272,19 +269,12 @@ impl Recorder {
     /// Takes in a tick.
     pub fn record(&mut self, view: &TickView) {
         let report = view.report;
-        let lost = report.mode == Mode::Free && self.samples.last().is_some_and(|last| last.mode != Mode::Free);
-        self.contact_losses += u64::from(lost);
+        self.contact.record(view);
         self.releases += u64::from(report.released);
         self.collisions += u64::from(report.collision_time.is_some());
         self.patch_exits += u64::from(report.rigid);
         self.fallback_ticks += u64::from(report.fell_back);
-        if report.mode == Mode::Free {
-            if view.local.contact().is_some() {
-                self.tension_ticks += 1;
-            } else if !(view.local.shape().signed_distance(view.tip) >= -TUNNELLED_M) {
-                self.tunnelling_ticks += 1;
-            }
-        }
+        self.tension_ticks += u64::from(report.mode == Mode::Free && view.local.contact().is_some());
         if view.has_deadlines {
             self.timing.get_or_insert_default().take(view);
         }
@@ -330,15 +320,7 @@ impl Recorder {
             slip: count(Mode::Slip),
         };
         let largest = |of: fn(&Sample) -> f64| samples.iter().map(of).fold(0.0, f64::max);
-        let (mut jump, mut jump_tick, mut switches) = (0.0, None, 0_u64);
-        for (tick, pair) in samples.windows(2).enumerate() {
-            let [before, after] = [pair[0], pair[1]];
-            switches += u64::from(before.mode != after.mode);
-            let change = (after.force - before.force).norm();
-            if before.mode != Mode::Free && after.mode != Mode::Free && change > jump {
-                (jump, jump_tick) = (change, Some(tick as u64 + 1));
-            }
-        }
+        let (contact, jump) = (&self.contact, self.contact.largest_force_jump());
         let forces: Vec<Vec3> = samples.iter().map(|sample| sample.force).collect();
         let frictional = mode_ticks.stick + mode_ticks.slip;
         let time = samples.last().map_or(0.0, |sample| sample.time);
@@ -352,18 +334,18 @@ impl Recorder {
             mode_ticks,
             stick_share: (frictional > 0).then(|| mode_ticks.stick as f64 / frictional as f64),
             collisions: self.collisions,
-            contact_losses: self.contact_losses,
+            contact_losses: contact.contact_losses(),
             releases: self.releases,
             tension_ticks: self.tension_ticks,
             patch_exits: self.patch_exits,
-            tunnelling_ticks: self.tunnelling_ticks,
+            tunnelling_ticks: contact.tunnelling_ticks(),
             fallback_ticks: self.fallback_ticks,
             largest_force_n: largest(|sample| sample.force.norm()),
             largest_normal_force_n: largest(|sample| sample.normal_force),
             largest_tangential_force_n: largest(|sample| sample.tangential_force),
-            largest_force_jump_n: jump,
-            largest_force_jump_tick: jump_tick,
-            mode_switches_per_s: if time > 0.0 { switches as f64 / time } else { 0.0 },
+            largest_force_jump_n: jump.newtons,
+            largest_force_jump_tick: jump.tick,
+            mode_switches_per_s: if time > 0.0 { contact.mode_switches() as f64 / time } else { 0.0 },
             force_power_above_100_hz_n2: power_above(&forces, scene.local_rate_hz(), RIPPLE_HZ),
             energy: self.energy,
             work: self.work,

@@ -16,11 +16,9 @@ use crate::multirate::failsafe::{Cause, Fault};
 use crate::pipeline::{OwnParts, Simulation};
 use crate::scene::{MeshSource, Scene, SceneError};
 use crate::surface::geometry::ContactSurface;
+use crate::verify::accuracy::Method;
 
 use self::watch::Watch;
-
-/// A free tip this far inside the surface, m, has passed through it.
-const TUNNELLED_M: f64 = 1e-12;
 
 /// A scene in `fixtures/extremes/`.
 ///
@@ -35,7 +33,8 @@ const TUNNELLED_M: f64 = 1e-12;
 /// let got = extreme.run(Variant::AsGiven, &expected);
 /// assert!(expected.is_met_by(&got), "{got}");
 /// assert_eq!(got.name(), "fault");
-/// assert!(!expected.is_met_by(&Got::Hung) && Variant::ALL[0].name() != Variant::ALL[1].name());
+/// assert!(!expected.is_met_by(&Got::Hung));
+/// assert_eq!(extreme.variants().iter().map(|&variant| extreme.contact(variant)).collect::<Vec<_>>(), ["geometric, faceted", "velocity, subdivision"]);
 /// # Ok::<(), stickslip::scene::SceneError>(())
 /// ```
 #[derive(Debug, Clone, Copy)]
@@ -46,9 +45,9 @@ pub struct Extreme {
     pub text: &'static str,
     /// Puts another mesh in the place of the scene's block, where that is the extreme.
     pub reshape: Option<fn(&mut Scene) -> Mesh>,
-    /// Of the scene as it is: geometric scheme, faceted.
+    /// Expected outcome of the scene as its file has it.
     pub expected: Expected,
-    /// Of the same with the velocity scheme over the limit surface, if it is another outcome.
+    /// Expected outcome of the same scene with the velocity scheme over the limit surface, if it is another one.
     pub expected_of_variant: Option<Expected>,
 }
 
@@ -60,19 +59,6 @@ pub enum Variant {
     AsGiven,
     /// The velocity scheme over the limit surface.
     SubdivisionVelocity,
-}
-
-impl Variant {
-    /// Both.
-    pub const ALL: [Self; 2] = [Self::AsGiven, Self::SubdivisionVelocity];
-
-    /// For people.
-    pub fn name(self) -> &'static str {
-        match self {
-            Variant::AsGiven => "geometric, faceted",
-            Variant::SubdivisionVelocity => "velocity, subdivision",
-        }
-    }
 }
 
 /// How an extreme is to end.
@@ -141,6 +127,9 @@ pub enum Quantity {
     Force,
     /// The force at the end is this, N; relative.
     Ends(f64),
+    /// The order, in the age of local models, of the error at the end against another scene: from models that are updated
+    /// five times as often. The tolerance is the least. An error that does not vanish with the age has the order 0.
+    OrderInAge(Twin),
     /// Share of local models that fell back to the stabilised tangent; the tolerance is the least.
     FellBack,
 }
@@ -161,13 +150,14 @@ impl Quantity {
             Quantity::Remains => "from rest at the end (m)",
             Quantity::Force => "largest force (N)",
             Quantity::Ends(_) => "force at the end",
+            Quantity::OrderInAge(_) => "order of the error in the age of models",
             Quantity::FellBack => "models that fell back",
         }
     }
 
     /// Whether it is a least instead of a most.
     fn is_floor(&self) -> bool {
-        matches!(self, Quantity::FellBack)
+        matches!(self, Quantity::FellBack | Quantity::OrderInAge(_))
     }
 }
 
@@ -178,7 +168,7 @@ pub struct Measured {
     pub quantity: &'static str,
     /// Its value.
     pub value: f64,
-    /// What it may be at most, or for what fell back, at least.
+    /// What it may be at most, or at least for what fell back and for an order.
     pub tolerance: f64,
     /// Whether it is.
     pub within: bool,
@@ -280,6 +270,29 @@ impl Extreme {
         }
     }
 
+    /// The variants that are runs of their own: both, or the scene as given alone where it has the velocity scheme over
+    /// the limit surface already, or cannot be read.
+    pub fn variants(&self) -> Vec<Variant> {
+        let [given, variant] = [Variant::AsGiven, Variant::SubdivisionVelocity].map(|variant| self.scene(variant).ok());
+        let touching = |scene: &Scene| Method::of(scene).touching;
+        if given.as_ref().map(touching) == variant.as_ref().map(touching) {
+            vec![Variant::AsGiven]
+        } else {
+            vec![Variant::AsGiven, Variant::SubdivisionVelocity]
+        }
+    }
+
+    /// Scheme and surface of the scene that is run, in the words of scenes.
+    pub fn contact(&self, variant: Variant) -> String {
+        self.scene(variant).map_or_else(
+            |_| "none: the scene is refused".to_owned(),
+            |scene| {
+                let names = Method::of(&scene).touching.names();
+                format!("{}, {}", names.scheme, names.surface)
+            },
+        )
+    }
+
     /// Its scene, with this contact.
     ///
     /// # Errors
@@ -307,17 +320,26 @@ impl Extreme {
             Expected::Fault(_) | Expected::Refused(_) => &[],
         };
         let mut measured = Vec::with_capacity(quantities.len());
+        let watch_twin = |twin: Twin| {
+            let mut other = scene.clone();
+            twin(&mut other);
+            self.watch(other)
+        };
         for (quantity, tolerance) in quantities {
             let value = match quantity {
                 Quantity::SameAs(twin, _) | Quantity::EndsAs(twin) => {
-                    let mut other = scene.clone();
-                    twin(&mut other);
-                    match self.watch(other) {
-                        Ok(other) => watch.compare(quantity, &other),
-                        Err(got) => return got,
-                    }
+                    watch_twin(*twin).map(|other| watch.compare(quantity, &other))
                 }
-                _ => watch.value(quantity),
+                Quantity::OrderInAge(twin) => watch_twin(*twin).and_then(|other| {
+                    let error = |watch: &Watch| watch.compare(&Quantity::EndsAs(*twin), &other);
+                    let often = watch_twin(updated_more_often)?;
+                    Ok((error(&watch) / error(&often)).ln() / f64::from(AGE_RATIO).ln())
+                }),
+                _ => Ok(watch.value(quantity)),
+            };
+            let value = match value {
+                Ok(value) => value,
+                Err(got) => return got,
             };
             let within = if quantity.is_floor() { value >= *tolerance } else { value <= *tolerance };
             measured.push(Measured { quantity: quantity.name(), value, tolerance: *tolerance, within });
@@ -338,11 +360,16 @@ impl Extreme {
     }
 }
 
-/// Balances of what has settled: round-off of forces of some newtons in springs of 100 N/m, and what the
-/// slowest mode has left.
+/// Balances of what has settled: round-off of forces of some newtons. Measured: 1.3e-13.
+const BALANCED: f64 = 1e-12;
+/// Forces of two runs that settle at the same place: what the slowest mode has left. Measured: 3.0e-7.
 const SETTLED: f64 = 1e-6;
-/// Round-off over a run in which nothing but the order of operations differs.
-const ROUND_OFF: f64 = 1e-9;
+/// Round-off over a run in which nothing but the order of operations differs. Measured: 1.5e-13.
+const ROUND_OFF: f64 = 1e-12;
+/// Round-off of F_T and μF_N of some newtons, N. Measured: 8.9e-16.
+const ON_THE_CONE: f64 = 1e-14;
+/// How many times as often models are updated for the order in their age.
+const AGE_RATIO: u32 = 5;
 
 macro_rules! extremes {
     ($($name:literal $(reshaped by $reshape:path)? => $expected:expr $(, variant $variant:expr)?;)*) => {
@@ -360,37 +387,47 @@ macro_rules! extremes {
 }
 
 use Expected::{Answer, Fault as Faults};
-use Quantity::{Balance, Coulomb, Ends, EndsAs, EnergyBook, EnergyKept, FellBack, Force, Moved, Remains, SameAs};
+use Quantity::{
+    Balance, Coulomb, Ends, EndsAs, EnergyBook, EnergyKept, FellBack, Force, Moved, OrderInAge, Remains, SameAs,
+};
 
 extremes! {
-    "needles" reshaped by needles => Answer(&[(Balance, 1e-3)]);
-    "vertex" => Answer(&[(Balance, SETTLED), (SameAs(beside, 1.0), 1e-5)]);
-    "edge" => Answer(&[(Balance, SETTLED), (SameAs(beside, 1.0), 1e-5)]);
-    "ten-edges" => Answer(&[(Balance, SETTLED), (EndsAs(pressed_at_the_end), SETTLED)]);
+    // A hundredth of the width makes slow modes, which are still dying. Measured: 8.0e-6.
+    "needles" reshaped by needles => Answer(&[(Balance, 5e-5)]);
+    // A nanometre beside it, over springs of some millimetres. Measured: 1.4e-7.
+    "vertex" => Answer(&[(Balance, BALANCED), (SameAs(beside, 1.0), 1e-6)]);
+    "edge" => Answer(&[(Balance, BALANCED), (SameAs(beside, 1.0), 1e-6)]);
+    "ten-edges" => Answer(&[(Balance, BALANCED), (EndsAs(pressed_at_the_end), SETTLED)]);
     "fast-tip" => Answer(&[(EndsAs(pressed_at_the_end_whole), SETTLED)]);
-    "jump" => Answer(&[(Balance, SETTLED), (Coulomb, ROUND_OFF)]);
-    "friction-0" => Answer(&[(EndsAs(sliding), SETTLED), (Coulomb, ROUND_OFF)]);
-    "friction-1e-9" => Answer(&[(EndsAs(sliding), SETTLED), (Coulomb, ROUND_OFF)]);
-    "friction-10" => Answer(&[(SameAs(sticking, 1.0), ROUND_OFF), (Coulomb, ROUND_OFF)]);
-    "friction-1e6" => Answer(&[(SameAs(sticking, 1.0), ROUND_OFF), (Coulomb, ROUND_OFF)]);
+    "jump" => Answer(&[(Balance, BALANCED), (Coulomb, ON_THE_CONE)]);
+    "friction-0" => Answer(&[(EndsAs(sliding), SETTLED), (Coulomb, ON_THE_CONE)]);
+    "friction-1e-9" => Answer(&[(EndsAs(sliding), SETTLED), (Coulomb, ON_THE_CONE)]);
+    "friction-10" => Answer(&[(SameAs(sticking, 1.0), ROUND_OFF), (Coulomb, ON_THE_CONE)]);
+    "friction-1e6" => Answer(&[(SameAs(sticking, 1.0), ROUND_OFF), (Coulomb, ON_THE_CONE)]);
     "masses" => Faults(FaultKind::Runaway), variant Answer(&[(EnergyBook, 0.05)]);
-    "masses-fine" => Answer(&[(EnergyBook, 0.01)]);
+    // Of first order in the step. Measured: 3.1e-4; where the step is ten times as long, in `masses`, 0.024.
+    "masses-fine" => Answer(&[(EnergyBook, 2e-3)]);
     "stiffness-1e8" => Faults(FaultKind::Runaway);
     "stiffness-1e8-fine" => Answer(&[(SameAs(softer_and_slower, 1e6), ROUND_OFF)]);
     "undamped" => Answer(&[(EnergyKept, 0.05)]);
-    "inverted" => Answer(&[(Balance, SETTLED)]);
+    "inverted" => Answer(&[(Balance, BALANCED)]);
     "compressed" => Answer(&[(FellBack, 0.01), (EndsAs(whole), 2e-3)]);
     "frozen" => Faults(FaultKind::Runaway);
-    // Half as large again as it should be at the end of its 100 ms; renewed five times as often, 3 % off.
-    "frozen-stabilised" => Answer(&[(Coulomb, ROUND_OFF), (EndsAs(whole), 0.6)]);
-    "frozen-renewed" => Answer(&[(Coulomb, ROUND_OFF), (EndsAs(whole), 0.05)]);
-    "pieces" reshaped by two_pieces => Answer(&[(Balance, SETTLED), (Moved(in_second_piece), 0.0)]);
-    "cut" => Answer(&[(Balance, SETTLED), (Moved(behind_the_wall), 0.0)]);
+    // At the end of its 100 ms the model is half as stiff again as it should be, as it lacks what pushes: the force is
+    // off by 0.49995, on every machine by the same bits, so that the bound is next to it. Its age is all that is wrong:
+    // models updated five times as often are off by 0.088. Order measured: 1.08; theory, for a model that is right where
+    // it is fresh: 1.
+    "frozen-stabilised" => Answer(&[(Coulomb, ON_THE_CONE), (EndsAs(whole), 0.51), (OrderInAge(whole), 0.9)]);
+    // Measured: 0.032.
+    "frozen-renewed" => Answer(&[(Coulomb, ON_THE_CONE), (EndsAs(whole), 0.05)]);
+    "pieces" reshaped by two_pieces => Answer(&[(Balance, BALANCED), (Moved(in_second_piece), 0.0)]);
+    "cut" => Answer(&[(Balance, BALANCED), (Moved(behind_the_wall), 0.0)]);
     // 1000 N/m of rigid ground by 1 mm: less than half of the point's weight is on the free node.
-    "one-free-node" => Answer(&[(Balance, SETTLED)]), variant Answer(&[(Ends(1.0), 0.01)]);
-    "sag" => Answer(&[(Balance, SETTLED), (Force, 0.0)]);
+    "one-free-node" => Answer(&[(Balance, BALANCED)]), variant Answer(&[(Ends(1.0), 0.01)]);
+    "sag" => Answer(&[(Balance, BALANCED), (Force, 0.0)]);
     "rest-60s" => Answer(&[(Moved(any), 0.0), (Force, 0.0)]);
-    "rest-24h" => Answer(&[(Remains, 1e-12)]);
+    // Round-off of coordinates of 0.05 m. Measured: 3.5e-18.
+    "rest-24h" => Answer(&[(Remains, 2e-17)]);
 }
 
 fn any(_: u32) -> bool {
@@ -449,6 +486,13 @@ fn pressed_at_the_end_whole(scene: &mut Scene) {
 /// The whole network at the local rate.
 fn whole(scene: &mut Scene) {
     *scene = scene.clone().with_full_model();
+}
+
+/// The same length of substeps in shorter cycles.
+fn updated_more_often(scene: &mut Scene) {
+    let ticks_per_cycle = scene.ticks_per_cycle() / AGE_RATIO;
+    *scene = scene.clone().with_ticks_per_cycle(ticks_per_cycle);
+    scene.global.substeps /= AGE_RATIO;
 }
 
 fn sliding(scene: &mut Scene) {

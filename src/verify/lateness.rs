@@ -6,6 +6,7 @@ use serde::Serialize;
 use crate::Vec3;
 use crate::multirate::failsafe::Fault;
 use crate::multirate::timeline::{Cost, Costs, DrawnTimes, Fate, OverrunPolicy, Timeline};
+use crate::output::measures::ContactMeasures;
 use crate::pipeline::{RunError, Simulation};
 use crate::scene::Scene;
 
@@ -29,9 +30,9 @@ pub struct Consequence {
     /// Root mean square of the difference of commanded forces, relative to that of the commanded force without lateness;
     /// absent if there was a fault, or no force.
     pub force_error_rms_rel: Option<f64>,
-    /// Largest change of the commanded force between two ticks, N.
+    /// Largest force jump as [`ContactMeasures`] defines it, N.
     pub largest_jump_n: f64,
-    /// Times that the contact lost its force.
+    /// Contact losses as [`ContactMeasures`] defines them.
     pub contact_losses: u64,
     /// What the instrument's path took out of the commanded force, J: what a hand would have been given.
     pub energy_given_j: f64,
@@ -55,15 +56,13 @@ pub struct Consequences {
 struct Run {
     forces: Vec<Vec3>,
     missed: [u64; 2],
-    losses: u64,
-    jump: f64,
+    contact: ContactMeasures,
     energy: f64,
     fault: Option<Fault>,
 }
 
 fn run(scene: &Scene, timeline: Timeline) -> Result<Run, RunError> {
     let mut run = Run::default();
-    let mut was_touching = false;
     let simulation = Simulation::prepare(scene)?.with_timeline(timeline);
     run.fault = simulation
         .run(|view| {
@@ -72,11 +71,8 @@ fn run(scene: &Scene, timeline: Timeline) -> Result<Run, RunError> {
                 Fate::Late(_) => run.missed[0] += 1,
                 Fate::Skipped => run.missed[1] += 1,
             }
-            let is_touching = view.report.normal_force > 0.0;
-            run.losses += u64::from(was_touching && !is_touching);
-            was_touching = is_touching;
+            run.contact.record(view);
             let before = run.forces.last().copied().unwrap_or_default();
-            run.jump = run.jump.max((view.force - before).norm());
             // What was held over the tick acts on the way that the tip took in it.
             run.energy += before.dot(&(view.tip - view.tip_before));
             run.forces.push(view.force);
@@ -96,8 +92,8 @@ impl Run {
             share,
             missed_ticks: self.missed,
             force_error_rms_rel: is_whole.then(|| (off / all).sqrt()),
-            largest_jump_n: self.jump,
-            contact_losses: self.losses,
+            largest_jump_n: self.contact.largest_force_jump().newtons,
+            contact_losses: self.contact.contact_losses(),
             energy_given_j: self.energy,
             fault: self.fault.map(|fault| fault.to_string()),
         }

@@ -13,6 +13,7 @@ pub mod extremes;
 pub mod lateness;
 pub mod orders;
 pub mod paired;
+pub mod residual;
 pub mod results;
 pub mod stability_map;
 pub mod surfaces;

@@ -6,6 +6,7 @@ use std::path::Path;
 use serde::Serialize;
 use thiserror::Error;
 
+use super::residual::{self, larger};
 use super::surfaces::SCHEMES;
 use crate::Vec3;
 use crate::contact::law::Law;
@@ -217,8 +218,8 @@ pub fn momentum_defect(scene: &Scene) -> Result<f64, RunError> {
         impulse -= view.force * scene.tick_s();
         let nodes = view.local.model().patch.mass.iter().zip(&view.local.state().v);
         let momentum: Vec3 = nodes.map(|(mass, v)| v * *mass).sum();
-        largest = largest.max(momentum.norm());
-        defect = defect.max((momentum - impulse).norm());
+        largest = larger(largest, momentum.norm());
+        defect = larger(defect, (momentum - impulse).norm());
     })?;
     Ok(defect / largest)
 }
@@ -233,7 +234,7 @@ fn line(differences: [f64; DIFFERENCES]) -> (f64, f64) {
     let products = |of: &dyn Fn(f64, f64) -> f64| points.iter().map(|point| of(point.0 - x, point.1 - y)).sum::<f64>();
     let slope = products(&|x, y| x * y) / products(&|x, _| x * x);
     let off = points.iter().map(|point| (point.1 - y - slope * (point.0 - x)).abs());
-    (slope, off.fold(0.0, f64::max))
+    (slope, residual::largest(off))
 }
 
 fn distance(a: &[Vec3], b: &[Vec3]) -> f64 {

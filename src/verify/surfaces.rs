@@ -4,10 +4,11 @@
 use serde::Serialize;
 
 use crate::Vec3;
-use crate::contact::law::{Law, Mode};
+use crate::contact::law::Law;
 use crate::contact::rules::{Deformation, Scheme};
 use crate::model::mesh::Block;
 use crate::multirate::energy::EnergyBook;
+use crate::output::measures::ContactMeasures;
 use crate::output::spectrum::power_above;
 use crate::pipeline::{self, RunError};
 use crate::scene::{MeshSource, Scene};
@@ -55,7 +56,7 @@ pub struct Felt {
     pub fault: Option<String>,
     /// Mean magnitude of the force, N.
     pub mean_force_n: f64,
-    /// Largest change of force between two ticks, N.
+    /// Largest force jump as [`ContactMeasures`] defines it, N.
     pub largest_jump_n: f64,
     /// The same over the mean force.
     pub jump_relative: f64,
@@ -64,7 +65,7 @@ pub struct Felt {
     /// Amplitude of the force, over its mean, at the frequency at which the tip passes over edges; absent
     /// for a tip that holds its point.
     pub mesh_ripple_relative: Option<f64>,
-    /// Times that the force of a contact dropped to zero.
+    /// Contact losses as [`ContactMeasures`] defines them.
     pub contact_losses: u64,
     /// Changes of mode.
     pub mode_switches_per_s: f64,
@@ -158,12 +159,12 @@ fn refine(scene: &mut Scene, refinement: usize) {
 /// ```
 pub fn feel(scene: &Scene, mut progress: impl FnMut(u64)) -> Result<Felt, RunError> {
     let settled = (SETTLED_S / scene.tick_s()) as u64;
-    let (mut forces, mut modes): (Vec<Vec3>, Vec<Mode>) = (Vec::new(), Vec::new());
+    let (mut forces, mut contact): (Vec<Vec3>, _) = (Vec::new(), ContactMeasures::default());
     let mut energy = EnergyBook::default();
     let end = pipeline::run(scene, |view| {
         if view.tick >= settled {
             forces.push(view.force);
-            modes.push(view.report.mode);
+            contact.record(view);
         }
         energy = *view.energy;
         progress(view.tick + 1);
@@ -174,9 +175,7 @@ pub fn feel(scene: &Scene, mut progress: impl FnMut(u64)) -> Result<Felt, RunErr
         Err(error) => return Err(error),
     };
     let mean = forces.iter().map(Vec3::norm).sum::<f64>() / forces.len() as f64;
-    let jump = forces.windows(2).map(|pair| (pair[1] - pair[0]).norm()).fold(0.0, f64::max);
-    let losses = modes.windows(2).filter(|pair| pair[0] != Mode::Free && pair[1] == Mode::Free).count();
-    let switches = modes.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    let jump = contact.largest_force_jump().newtons;
     let slides = scene.contact.law != Law::Sticking;
     Ok(Felt {
         fault,
@@ -185,8 +184,8 @@ pub fn feel(scene: &Scene, mut progress: impl FnMut(u64)) -> Result<Felt, RunErr
         jump_relative: jump / mean,
         power_above_100_hz_n2: power_above(&forces, scene.local_rate_hz(), RIPPLE_HZ),
         mesh_ripple_relative: slides.then(|| ripple(scene, &forces).map(|amplitude| amplitude / mean)).flatten(),
-        contact_losses: losses as u64,
-        mode_switches_per_s: switches as f64 / (forces.len() as f64 * scene.tick_s()),
+        contact_losses: contact.contact_losses(),
+        mode_switches_per_s: contact.mode_switches() as f64 / (forces.len() as f64 * scene.tick_s()),
         energy_residual_relative: energy.residual() / energy.absolute_work,
     })
 }

@@ -86,7 +86,7 @@ def test_local_models_against_the_full_one(within, full_forces, local, errors, j
         error = np.linalg.norm(f - full) / np.linalg.norm(full)
         within("error of a local model, of the force", abs(error - expected), TRIAL_ROUNDING["error"])
         jumps += [np.linalg.norm(f[tick] - f[tick - 1]) / np.linalg.norm(f[tick]) for tick in range(100, 1200, 100)]
-    within("largest jump at a hand-over, of the force", abs(max(jumps) - jump), TRIAL_ROUNDING["jump"])
+    within("largest jump at a hand-over, of the force", abs(np.max(jumps) - jump), TRIAL_ROUNDING["jump"])
 
 
 def test_runaway_is_a_fault_and_keeps_the_rows_before_it():

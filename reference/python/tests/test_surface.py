@@ -108,7 +108,7 @@ def test_collision_against_brute_force(within, seed):
     if hit is None:
         assert first == np.inf
     else:
-        within("impact time, brute force, samples", max(first - hit[0], hit[0] - first - 1.0 / SAMPLES), TIME_TOLERANCE)
+        within("impact time, brute force, samples", [first - hit[0], hit[0] - first - 1.0 / SAMPLES], TIME_TOLERANCE)
         at = (1 - hit[0]) * x0 + hit[0] * x1
         tip = (1 - hit[0]) * q0 + hit[0] * q1
         within("tip on the surface at impact, m", np.linalg.norm(surface.position(hit[1], at) - tip), PLACE_TOLERANCE)

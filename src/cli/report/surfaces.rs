@@ -105,7 +105,7 @@ pub fn section(compared: &[SurfaceEntry]) -> miette::Result<Markup> {
              differs, over two meshes of the same block, from the end of the press on. Filled marks: the \
              coarser mesh."
         }
-        figure { (PreEscaped(figure)) figcaption { "Largest change of force between two ticks over the mean force." } }
+        figure { (PreEscaped(figure)) figcaption { "Largest change of force between two ticks in contact over the mean force." } }
         details {
             summary { "The numbers" }
             (page::table("", HEAD, compared.iter().map(row)))

@@ -6,6 +6,7 @@ use super::method::Method;
 use super::record::{Felt, MODE_WINDOW_S, Record, Reference, force_error, mean, ratio};
 use crate::contact::law::Mode;
 use crate::scene::{Scene, SceneError};
+use crate::verify::residual::largest;
 
 /// A hand takes forces for the same that differ by less than this share.
 pub const PERCEPTION: f64 = 0.1;
@@ -83,7 +84,7 @@ impl Errors {
         Self {
             force_error_rms_rel: relative(0, &parts),
             force_error_rms_rel_fine: force_error(record, &reference.fine),
-            force_error_max_n: parts.iter().map(|e| e[0].sqrt()).fold(0.0, f64::max),
+            force_error_max_n: largest(parts.iter().map(|e| e[0].sqrt())),
             normal_error_rms_rel: relative(1, &parts),
             tangential_error_rms_rel: relative(2, &parts),
             force_error_per_100_ms: per_window.collect(),
@@ -91,7 +92,7 @@ impl Errors {
             mode_agreement_worst: agreements.iter().copied().fold(1.0, f64::min),
             slip_onset_error_s: record.slip_onset().zip(coarse.slip_onset()).map(|(a, b)| a - b),
             contact_point_error_rms_m: touched(mean(distances.iter().map(|d| d * d)).sqrt()),
-            contact_point_error_max_m: touched(distances.iter().copied().fold(0.0, f64::max)),
+            contact_point_error_max_m: touched(largest(distances.iter().copied())),
             handover_jump_rel: record.handover_jump_rel(coarse),
             energy_residual_rel: record.energy_residual_rel,
         }

@@ -10,6 +10,7 @@ use crate::model::work::WorkCounts;
 use crate::output::summary::Sample;
 use crate::pipeline::Simulation;
 use crate::scene::{Scene, SceneError};
+use crate::verify::residual::largest;
 
 /// The fine reference takes so many steps in a tick.
 pub const REFINEMENT: u32 = 8;
@@ -152,7 +153,7 @@ impl Record {
             let change = (own[1].force - own[0].force) - (whole[1].force - whole[0].force);
             counts.then(|| ratio(change.norm(), whole[0].force.norm()))
         });
-        jumps.fold(0.0, f64::max)
+        largest(jumps)
     }
 
     /// When slip sets in, s.

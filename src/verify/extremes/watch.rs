@@ -2,16 +2,19 @@
 
 use std::ops::Range;
 
-use super::{Quantity, TUNNELLED_M};
+use super::Quantity;
 use crate::Vec3;
 use crate::contact::law::{Law, Mode};
 use crate::contact::rules::Scheme;
 use crate::local::condensation::CondensationCounts;
 use crate::model::mesh::Mesh;
+use crate::output::measures::is_tunnelling;
 use crate::pipeline::TickView;
 use crate::scene::Scene;
 use crate::surface::subdivision::LARGEST_SUPPORT;
 use crate::surface::support::Support;
+use crate::verify::residual::larger;
+use crate::verify::residual::largest;
 
 /// What is kept of a run.
 pub(super) struct Watch {
@@ -59,8 +62,7 @@ impl Watch {
     pub(super) fn see(&mut self, view: &TickView) {
         let (local, report) = (view.local, view.report);
         self.forces.push(view.force);
-        let unfelt = report.mode == Mode::Free && local.contact().is_none();
-        self.tunnelling_ticks += u64::from(unfelt && !(local.shape().signed_distance(view.tip) >= -TUNNELLED_M));
+        self.tunnelling_ticks += u64::from(is_tunnelling(view));
         if let (Some(friction), false) = (self.friction, report.rigid) {
             let beyond = report.tangential_force() - friction * report.normal_force;
             self.beyond_coulomb_n = larger(self.beyond_coulomb_n, beyond);
@@ -99,8 +101,8 @@ impl Watch {
         }
         // What fixed nodes carry of the contact point goes into the ground directly.
         let instrument = view.force * support.free_weight();
-        let largest = [instrument, ground, weight].iter().map(Vec3::norm).fold(0.0, larger);
-        (instrument + ground - weight).norm() / largest
+        let of_all = largest([instrument, ground, weight].map(|force| force.norm()));
+        (instrument + ground - weight).norm() / of_all
     }
 
     pub(super) fn compare(&self, quantity: &Quantity, twin: &Watch) -> f64 {
@@ -108,8 +110,8 @@ impl Watch {
         match quantity {
             Quantity::SameAs(_, factor) if self.forces.len() == twin.forces.len() => {
                 let pairs = self.forces.iter().zip(&twin.forces);
-                let difference = pairs.map(|(a, b)| (a - b * *factor).norm()).fold(0.0, larger);
-                difference / twin.forces.iter().map(|b| (b * *factor).norm()).fold(0.0, larger)
+                let difference = largest(pairs.map(|(a, b)| (a - b * *factor).norm()));
+                difference / largest(twin.forces.iter().map(|b| (b * *factor).norm()))
             }
             Quantity::EndsAs(_) => (last(self) - last(twin)).norm() / last(twin).norm(),
             _ => f64::NAN,
@@ -124,22 +126,17 @@ impl Watch {
             Quantity::EnergyKept => (self.free_energy.end - self.free_energy.start) / self.free_energy.end,
             Quantity::Moved(which) => {
                 let nodes = (0..).zip(&self.moved).filter(|&(node, _)| which(node));
-                nodes.map(|(_, &moved)| moved).fold(0.0, larger)
+                largest(nodes.map(|(_, &moved)| moved))
             }
             Quantity::Remains => self.remains,
-            Quantity::Force => self.forces.iter().map(Vec3::norm).fold(0.0, larger),
+            Quantity::Force => largest(self.forces.iter().map(Vec3::norm)),
             Quantity::Ends(force_n) => {
                 self.forces.last().map_or(f64::NAN, |force| (force.norm() / force_n - 1.0).abs())
             }
             Quantity::FellBack => {
                 self.condensation.map_or(0.0, |counts| counts.stabilised as f64 / counts.models as f64)
             }
-            Quantity::SameAs(..) | Quantity::EndsAs(_) => f64::NAN,
+            Quantity::SameAs(..) | Quantity::EndsAs(_) | Quantity::OrderInAge(_) => f64::NAN,
         }
     }
-}
-
-/// The larger of two numbers; NaN stays.
-fn larger(a: f64, b: f64) -> f64 {
-    if b <= a { a } else { b }
 }
