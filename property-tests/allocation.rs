@@ -7,7 +7,7 @@ use std::cell::Cell;
 use stickslip::device::coupling::{CouplingSettings, HandOverSmoothing, PassivityController, VirtualCoupling};
 use stickslip::device::path::{TipPath, Waypoint};
 use stickslip::device::phantom::{Phantom, PhantomSettings};
-use stickslip::multirate::timeline::{Fate, OverrunPolicy};
+use stickslip::multirate::timeline::{DeadlineOutcome, OverrunPolicy};
 use stickslip::{
     Body, BodyState, ContactLaw, Instrument, InstrumentFault, Law, Mode, OwnParts, Rendered, Renderer, RendererFault,
     RendererModel, Scene, Simulation, Vec3,
@@ -159,14 +159,14 @@ fn a_servo_tick_with_a_device_allocates_nothing() {
     let mut touching = 0;
     let count = allocations(|| {
         for tick in 0..1000 {
-            let fate = match tick % 10 {
-                3 => Fate::Late(OverrunPolicy::Hold),
-                5 => Fate::Late(OverrunPolicy::Zero),
-                7 => Fate::Late(OverrunPolicy::Skip),
-                8 => Fate::Skipped,
-                _ => Fate::OnTime,
+            let deadline_outcome = match tick % 10 {
+                3 => DeadlineOutcome::Late(OverrunPolicy::Hold),
+                5 => DeadlineOutcome::Late(OverrunPolicy::Zero),
+                7 => DeadlineOutcome::Late(OverrunPolicy::Skip),
+                8 => DeadlineOutcome::Skipped,
+                _ => DeadlineOutcome::OnTime,
             };
-            let done = servo.tick(fate).expect("no fault");
+            let done = servo.tick(deadline_outcome).expect("no fault");
             touching += u32::from(done.report.touch.is_some());
         }
     });
@@ -221,7 +221,7 @@ fn a_servo_tick_with_own_parts_allocates_nothing() {
         let mut pressing = 0;
         let count = allocations(|| {
             for _ in 0..1000 {
-                let done = servo.tick(Fate::OnTime).expect("no fault");
+                let done = servo.tick(DeadlineOutcome::OnTime).expect("no fault");
                 pressing += u32::from(done.force.z > 0.0);
             }
         });

@@ -16,7 +16,7 @@ use stickslip::local::patch::Extent;
 use stickslip::scene::Scene;
 use stickslip::surface::geometry::ContactSurface;
 use stickslip::verify::baseline::{Provenance, Store};
-use stickslip::verify::compare::{Outcome, compare};
+use stickslip::verify::compare::{ComparisonOutcome, compare};
 use stickslip::verify::results::{Number, Results};
 
 use super::{Folder, stderr, stickslip};
@@ -197,7 +197,7 @@ fn another_solver_fails_from_where_it_shows() {
         change(&mut changed);
         let results = Results::of(&changed, |_| {}).expect("it starts outside");
         let comparisons = compare(&baseline, &Provenance::of(&scene), &results);
-        comparisons.into_iter().filter(|c| c.outcome == Outcome::Fail).collect::<Vec<_>>()
+        comparisons.into_iter().filter(|c| c.outcome == ComparisonOutcome::Fail).collect::<Vec<_>>()
     };
     assert!(failed(&|_| {}).is_empty());
     for (what, change, earliest) in OTHER_SOLVERS {
@@ -220,7 +220,7 @@ fn a_run_that_is_not_finite_fails_against_anything() {
         assert_eq!(results.not_finite(), Some(("fn".to_owned(), Some(400))));
         let failed: Vec<_> = compare(&baseline, &Provenance::of(&scene), &results)
             .into_iter()
-            .filter(|comparison| comparison.outcome == Outcome::Fail)
+            .filter(|comparison| comparison.outcome == ComparisonOutcome::Fail)
             .map(|comparison| (comparison.quantity, comparison.first_tick))
             .collect();
         assert_eq!(failed, [("trace fn".to_owned(), Some(400))]);

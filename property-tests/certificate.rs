@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use statrs::distribution::{Binomial, ContinuousCDF, Discrete, DiscreteCDF, Normal};
 use stickslip::verify::certificate::bounds::{CONFIDENCE, RateBound, Trials, Untested, ljung_box};
-use stickslip::verify::certificate::causes::{Cause, Missed, StealSample, steal_grew};
+use stickslip::verify::certificate::causes::{MissCause, Missed, StealSample, steal_grew};
 use stickslip::verify::certificate::tail::{Gev, HORIZONS_TICKS, Tail, Tests};
 
 use crate::check::{Worst, runner};
@@ -327,28 +327,28 @@ fn every_rule_has_its_label() {
     let unexplained = Missed { response_ns: 1700, compute_ns: 700, ..USUAL };
     let stolen = |miss: Missed| Missed { steal: true, ..miss };
     for (miss, cause) in [
-        (USUAL, Cause::Unknown),
-        (Missed { response_ns: 1000, ..released_late }, Cause::Unknown),
-        (busy, Cause::Compute),
-        (stolen(busy), Cause::StealSuspected),
-        (Missed { release_ns: 2000, response_ns: 3100, ..busy }, Cause::Compute),
-        (partly_busy, Cause::Compute),
-        (stolen(partly_busy), Cause::StealSuspected),
-        (released_late, Cause::Release),
-        (stolen(released_late), Cause::StealSuspected),
-        (off, Cause::Preempted),
-        (stolen(off), Cause::StealSuspected),
-        (Missed { involuntary_switches: 0, ..off }, Cause::Unknown),
-        (stolen(Missed { involuntary_switches: 0, ..off }), Cause::StealSuspected),
-        (faulted, Cause::Fault),
-        (stolen(faulted), Cause::Fault),
-        (unexplained, Cause::Unknown),
-        (stolen(unexplained), Cause::Unknown),
+        (USUAL, MissCause::Unknown),
+        (Missed { response_ns: 1000, ..released_late }, MissCause::Unknown),
+        (busy, MissCause::Compute),
+        (stolen(busy), MissCause::StealSuspected),
+        (Missed { release_ns: 2000, response_ns: 3100, ..busy }, MissCause::Compute),
+        (partly_busy, MissCause::Compute),
+        (stolen(partly_busy), MissCause::StealSuspected),
+        (released_late, MissCause::Release),
+        (stolen(released_late), MissCause::StealSuspected),
+        (off, MissCause::Preempted),
+        (stolen(off), MissCause::StealSuspected),
+        (Missed { involuntary_switches: 0, ..off }, MissCause::Unknown),
+        (stolen(Missed { involuntary_switches: 0, ..off }), MissCause::StealSuspected),
+        (faulted, MissCause::Fault),
+        (stolen(faulted), MissCause::Fault),
+        (unexplained, MissCause::Unknown),
+        (stolen(unexplained), MissCause::Unknown),
         // Half of the excess is enough: 300 of 600, with what is usually off the CPU taken away.
-        (Missed { compute_ns: 700, involuntary_switches: 1, response_ns: 1600, ..USUAL }, Cause::Preempted),
-        (Missed { compute_ns: 699, involuntary_switches: 1, response_ns: 1600, ..USUAL }, Cause::Unknown),
+        (Missed { compute_ns: 700, involuntary_switches: 1, response_ns: 1600, ..USUAL }, MissCause::Preempted),
+        (Missed { compute_ns: 699, involuntary_switches: 1, response_ns: 1600, ..USUAL }, MissCause::Unknown),
     ] {
-        assert_eq!(Cause::of(&miss), cause, "{miss:?}");
+        assert_eq!(MissCause::of(&miss), cause, "{miss:?}");
     }
 }
 
@@ -358,10 +358,10 @@ fn a_miss_that_follows_another_has_its_cause() {
     let late = Missed { release_ns: 800, response_ns: 1200, ..USUAL };
     let after = Missed { follows: true, ..late };
     assert_eq!(
-        Cause::of_all(&[after, first, after, after, late]),
-        [Cause::Release, Cause::Compute, Cause::Compute, Cause::Compute, Cause::Release]
+        MissCause::of_all(&[after, first, after, after, late]),
+        [MissCause::Release, MissCause::Compute, MissCause::Compute, MissCause::Compute, MissCause::Release]
     );
-    assert_eq!(serde_json::to_string(&Cause::StealSuspected).expect("a name"), r#""steal-suspected""#);
+    assert_eq!(serde_json::to_string(&MissCause::StealSuspected).expect("a name"), r#""steal-suspected""#);
 }
 
 fn any_time() -> impl Strategy<Value = u64> {
@@ -385,14 +385,16 @@ fn every_miss_has_one_label_whatever_its_numbers() {
         steal,
     });
     let result = runner(2000).run(&proptest::collection::vec(miss, 0..20), |misses| {
-        let causes = Cause::of_all(&misses);
+        let causes = MissCause::of_all(&misses);
         prop_assert_eq!(causes.len(), misses.len());
         for (i, (miss, cause)) in misses.iter().zip(&causes).enumerate() {
-            let expected = if miss.follows && i > 0 { causes[i - 1] } else { Cause::of(miss) };
+            let expected = if miss.follows && i > 0 { causes[i - 1] } else { MissCause::of(miss) };
             prop_assert_eq!(*cause, expected);
-            let lone = Cause::of(miss);
-            prop_assert!(miss.steal || lone != Cause::StealSuspected);
-            prop_assert!(!miss.steal || matches!(lone, Cause::StealSuspected | Cause::Fault | Cause::Unknown));
+            let lone = MissCause::of(miss);
+            prop_assert!(miss.steal || lone != MissCause::StealSuspected);
+            prop_assert!(
+                !miss.steal || matches!(lone, MissCause::StealSuspected | MissCause::Fault | MissCause::Unknown)
+            );
         }
         Ok(())
     });

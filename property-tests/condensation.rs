@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 use stickslip::Vec3;
 use stickslip::device::path::{TipPath, Waypoint};
-use stickslip::local::condensation::{Condensation, Condensed, Condenser, FarField, Outcome, Reach};
+use stickslip::local::condensation::{Condensation, CondensationOutcome, Condensed, Condenser, FarField, Reach};
 use stickslip::local::model::{ExteriorKind, Linearization, LocalModelBuilder, LocalSettings};
 use stickslip::local::patch::{Extent, Patch, PatchSelector};
 use stickslip::model::mesh::{Block, Mesh, Stencil};
@@ -142,12 +142,12 @@ fn c_is_the_dense_schur_complement() {
         let stencil = if full { Stencil::Full } else { Stencil::Shear };
         let case = Case::new([nx, ny, nz], stencil, noise, Vec3::new(0.02, -0.004, 0.0), rings, seed);
         let condensed = case.condense(ALL_STABILISED);
-        prop_assert_eq!(condensed.outcome, Outcome::AsAsked);
+        prop_assert_eq!(condensed.outcome, CondensationOutcome::AsAsked);
         let c = stiffness(condensed);
         prop_assert_eq!(&c, &c.transpose());
         worst.case(distance(&c, &case.dense(&case.exterior(), TangentKind::Stabilised)))?;
         let condensed = case.condense(ALL_EXACT);
-        if condensed.outcome == Outcome::AsAsked {
+        if condensed.outcome == CondensationOutcome::AsAsked {
             worst.case(distance(&stiffness(condensed), &case.dense(&case.exterior(), TangentKind::Exact)))?;
         }
         Ok(())
@@ -345,7 +345,7 @@ fn a_compressed_exterior_falls_back_to_the_stabilised_tangent() {
 
     let mut condenser = Condenser::new(&case.network, ALL_EXACT);
     let condensed = condenser.condense(&case.network, &case.patch, &case.x);
-    assert_eq!((condensed.outcome, condensed.tangent), (Outcome::Stabilised, TangentKind::Stabilised));
+    assert_eq!((condensed.outcome, condensed.tangent), (CondensationOutcome::Stabilised, TangentKind::Stabilised));
     assert_eq!(condenser.counts().stabilised, 1);
     worst.check(distance(&stiffness(condensed), &case.dense(&exterior, TangentKind::Stabilised)));
 }
@@ -364,7 +364,7 @@ fn an_indefinite_patch_is_counted() {
     let condensed = condenser.condense(&case.network, &case.patch, &case.x);
     let tangent = case.own(condensed.tangent) - condensed.stiffness.as_ref().expect("condensed");
     assert!(tangent.symmetric_eigenvalues().min() < -1.0);
-    assert_eq!((condensed.outcome, condenser.counts().indefinite), (Outcome::AsAsked, 1));
+    assert_eq!((condensed.outcome, condenser.counts().indefinite), (CondensationOutcome::AsAsked, 1));
 }
 
 /// Exterior that can move without a force: two nodes that hang on one spring each.
@@ -381,14 +381,14 @@ fn an_exterior_without_hold_stays_fixed() {
     mesh.edges.push([count as u32, count as u32 + 1]);
     let apart = Case::of(mesh.clone(), fixed(2), 0.0, Vec3::zeros(), 1, 1.0);
     let condensed = apart.condense(ALL_EXACT);
-    assert_eq!((condensed.outcome, condensed.size.nodes), (Outcome::AsAsked, apart.exterior().len() - 2));
+    assert_eq!((condensed.outcome, condensed.size.nodes), (CondensationOutcome::AsAsked, apart.exterior().len() - 2));
 
     // On the patch, by one spring: nothing holds it across.
     mesh.edges.push([26, count as u32]);
     let hanging = Case::of(mesh, fixed(2), 0.0, Vec3::zeros(), 1, 1.0);
     let mut condenser = Condenser::new(&hanging.network, ALL_EXACT);
     let condensed = condenser.condense(&hanging.network, &hanging.patch, &hanging.x);
-    assert_eq!((condensed.outcome, condensed.stiffness), (Outcome::Held, None));
+    assert_eq!((condensed.outcome, condensed.stiffness), (CondensationOutcome::Held, None));
     assert_eq!(condenser.counts().held, 1);
 }
 
@@ -412,7 +412,7 @@ fn a_free_body_moves_as_a_whole() {
     let case = Case::of(block.mesh(), vec![false; 100], 0.0, Vec3::zeros(), 1, 1.4);
     let mut condenser = Condenser::new(&case.network, ALL_EXACT);
     let condensed = condenser.condense(&case.network, &case.patch, &case.x);
-    assert_eq!((condensed.outcome, condenser.counts().indefinite), (Outcome::AsAsked, 0));
+    assert_eq!((condensed.outcome, condenser.counts().indefinite), (CondensationOutcome::AsAsked, 0));
     let tangent = case.own(TangentKind::Exact) - stiffness(condensed);
     for axis in 0..3 {
         let shift = DVector::from_fn(3 * case.patch.len(), |i, _| f64::from(u8::from(i % 3 == axis)));

@@ -13,7 +13,7 @@ use stickslip::model::mesh::{Block, Stencil};
 use stickslip::model::network::{Material, Network};
 use stickslip::model::state::State;
 use stickslip::model::topology::Surface;
-use stickslip::multirate::failsafe::Cause;
+use stickslip::multirate::failsafe::FaultCause;
 use stickslip::pipeline;
 use stickslip::scene::{Expectation, SHIPPED, Scene};
 use stickslip::surface::geometry::{ContactPoint, ContactSurface, SurfaceModel};
@@ -210,7 +210,7 @@ fn leaving_the_patch_is_rigid_until_the_next_model() {
 fn runaway_is_named_with_tick_and_node() {
     let run = run(&shipped("deep-stick-slip-faceted"));
     let fault = run.fault.expect("an extreme");
-    assert!(matches!(fault.cause, Cause::Runaway { .. }), "{fault}");
+    assert!(matches!(fault.cause, FaultCause::Runaway { .. }), "{fault}");
     assert_eq!(fault.tick as usize, run.force.len(), "the rows before it are kept");
     // An independent trial saw the model leave a 3 cm neighbourhood at tick 850.
     assert!((850..950).contains(&fault.tick), "{fault}");
@@ -334,7 +334,7 @@ fn an_exterior_that_runs_away_is_a_named_fault_at_its_boundary() {
     scene.global.substeps = 2;
     let fault = run(&scene).fault.expect("no such step is stable");
     assert_eq!(fault.tick % 100, 0, "{fault}");
-    assert!(matches!(fault.cause, Cause::Runaway { .. } | Cause::StateNotFinite { .. }), "{fault}");
+    assert!(matches!(fault.cause, FaultCause::Runaway { .. } | FaultCause::StateNotFinite { .. }), "{fault}");
 }
 
 /// A dented block, for geometry without time.

@@ -7,7 +7,7 @@ use stickslip::contact::rules::ContactRules;
 use stickslip::contact::simulation::LocalSimulation;
 use stickslip::local::model::{LocalModel, LocalModelBuilder, LocalSettings, LocalState};
 use stickslip::model::state::State;
-use stickslip::multirate::failsafe::Cause;
+use stickslip::multirate::failsafe::FaultCause;
 use stickslip::surface::geometry::ContactPoint;
 use stickslip::{
     Body, BodyState, ContactLaw, Instrument, InstrumentFault, Law, Lockstep, Mode, MovedNodes, OwnParts, Rendered,
@@ -163,9 +163,9 @@ fn faults_of_own_parts_are_named() {
     let not_finite = Rendered { force: Vec3::repeat(f64::NAN), ..Rendered::FREE };
     let off = Rendered { contact: Some((nowhere, Vec3::z())), ..Rendered::FREE };
     for (rendered, fault, cause) in [
-        (Rendered::FREE, Some(fault), Cause::Renderer(fault)),
-        (not_finite, None, Cause::ForceNotFinite),
-        (off, None, Cause::Renderer(RendererFault("its contact point is not on the surface"))),
+        (Rendered::FREE, Some(fault), FaultCause::Renderer(fault)),
+        (not_finite, None, FaultCause::ForceNotFinite),
+        (off, None, FaultCause::Renderer(RendererFault("its contact point is not on the surface"))),
     ] {
         let own = with_renderer(Faulty(0, rendered, fault));
         let mut ticks = 0;
@@ -192,7 +192,7 @@ fn faults_of_own_parts_are_named() {
     let mut largest = 0.0_f64;
     let ended = Simulation::prepare_with(&scene, own).expect("it starts outside");
     let ended = ended.run(|tick| largest = largest.max(tick.force.norm())).expect_err("a fault");
-    assert_eq!((ended.tick, ended.cause), (10, Cause::Instrument(InstrumentFault("its tip is not finite"))));
+    assert_eq!((ended.tick, ended.cause), (10, FaultCause::Instrument(InstrumentFault("its tip is not finite"))));
     assert_eq!(largest, 0.0, "an infinite command went out");
 }
 

@@ -3,9 +3,9 @@
 use stickslip::Vec3;
 use stickslip::contact::law::Mode;
 use stickslip::contact::rules::Scheme;
-use stickslip::multirate::failsafe::{Cause, Fault};
+use stickslip::multirate::failsafe::{Fault, FaultCause};
 use stickslip::multirate::messages::CycleMessage;
-use stickslip::multirate::trajectory::{Keep, Trajectory};
+use stickslip::multirate::trajectory::{PathRecording, Trajectory};
 use stickslip::pipeline::Simulation;
 use stickslip::surface::geometry::ContactSurface;
 use stickslip::verify::extremes::{EXTREMES, Expected, Extreme, FaultKind, Got, Quantity, Variant};
@@ -75,7 +75,7 @@ fn a_wrong_expectation_is_not_met() {
 fn no_expectation_is_met_by_a_panic_a_hang_or_nan() {
     let fault = Fault {
         tick: 1,
-        cause: Cause::ForceNotFinite,
+        cause: FaultCause::ForceNotFinite,
         mode: Mode::Free.name(),
         force: Vec3::zeros(),
         tip: Vec3::zeros(),
@@ -109,7 +109,7 @@ fn rest_is_a_fixed_point_of_tick_and_cycle() {
         let whole = |state: &stickslip::model::state::State| (bits(&state.x), bits(&state.v));
         let (start, network) = (local.state().clone(), whole(global.state()));
         for _ in 0..3 {
-            let mut trajectory = Trajectory::new(Keep::Path);
+            let mut trajectory = Trajectory::new(PathRecording::EveryTick);
             trajectory.begin(local.model(), local.state(), 0, scene.ticks_per_cycle() as usize);
             for _ in 0..scene.ticks_per_cycle() {
                 local.tick(tip, tip);

@@ -14,7 +14,7 @@ mod doors;
 mod elasticity;
 mod extremes;
 mod integrators;
-mod limit;
+mod limit_surface;
 mod linearization;
 mod mesh_files;
 mod multirate;

@@ -7,7 +7,7 @@ use stickslip::local::model::{Linearization, LocalSettings};
 use stickslip::model::springs::TangentKind;
 use stickslip::multirate::global::SyncMode;
 use stickslip::multirate::messages::CycleMessage;
-use stickslip::multirate::trajectory::{Keep, Trajectory};
+use stickslip::multirate::trajectory::{PathRecording, Trajectory};
 use stickslip::pipeline::{self, Simulation};
 use stickslip::scene::Scene;
 
@@ -150,7 +150,7 @@ fn stabilised_tangent_differs_only_under_compression() {
 fn a_path_with_gaps_is_replayed_as_far_as_it_goes() {
     let scene = small_scene(LAWS[0], "rings = 1", PRESS_AND_DRAG);
     let ticks = scene.ticks_per_cycle() as usize;
-    for keep in [Keep::Path, Keep::End] {
+    for keep in [PathRecording::EveryTick, PathRecording::LastTick] {
         for recorded in [0, 1, ticks - 1] {
             let sides = Simulation::prepare(&scene).expect("it starts").into_sides();
             let (mut global, local) = (sides.global.into_simulation(), sides.servo.into_local());

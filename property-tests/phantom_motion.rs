@@ -111,13 +111,13 @@ fn the_whole_device_converges_with_order_4_and_keeps_its_books() {
     }
     let (of_motion, of_books) = (orders(&distances), orders(&books));
     println!(
-        "RESIDUAL | convergence | PHANTOM, held, driven: orders in the substep of motion, of the energy book | 0.1 | \
+        "RESIDUAL | convergence | PHANTOM, held, driven: orders in the substep of motion, of the energy balance | 0.1 | \
          {of_motion:.2?} {of_books:.2?} (10 substeps: {:.0e} m, {:.0e} of the work)",
         distances[0], books[0]
     );
     assert!((of_motion[2] - 4.0).abs() <= 0.1, "{of_motion:?} {distances:?}");
     assert!((of_books[2] - 4.0).abs() <= 0.1, "{of_books:?} {books:?}");
-    Worst::new("energy", "PHANTOM, 10 substeps: book, relative to work", 1e-6).check(books[0]);
+    Worst::new("energy", "PHANTOM, 10 substeps: energy balance, relative to work", 1e-6).check(books[0]);
 }
 
 /// The joints without friction give to the hand what the motors gave them and they do not keep.

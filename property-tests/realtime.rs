@@ -4,7 +4,7 @@
 use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 
-use stickslip::multirate::timeline::{Fate, OverrunPolicy};
+use stickslip::multirate::timeline::{DeadlineOutcome, OverrunPolicy};
 use stickslip::pipeline::Simulation;
 use stickslip::realtime::allocations::{self, Counting};
 use stickslip::realtime::channel::channel;
@@ -13,8 +13,8 @@ use stickslip::realtime::meter::{Meter, TickTimes};
 use stickslip::realtime::record::{Recorded, record};
 use stickslip::realtime::threads::{Obtained, Served, Window};
 use stickslip::scene::Scene;
-use stickslip::session::{RecordedPass, Replayed, Session, Why, replay};
-use stickslip::verify::certificate::causes::Cause;
+use stickslip::session::{RecordedPass, ReplayOutcome, ReplayReason, Session, replay};
+use stickslip::verify::certificate::causes::FaultCause;
 use stickslip::verify::certificate::verdict::{Certificate, Circumstances, Verdict, WorstTick};
 use stickslip::verify::lateness::consequences;
 
@@ -38,7 +38,7 @@ fn recorded(scene: &Scene) -> Recorded {
     record(scene, &AtomicBool::new(false)).expect("it starts")
 }
 
-fn again(session: &Session, pass: &RecordedPass) -> Replayed {
+fn again(session: &Session, pass: &RecordedPass) -> ReplayOutcome {
     let scene = session.scene().expect("it was one");
     replay(session.prepare(&scene, pass).expect("it starts"), pass, |_| ())
 }
@@ -56,7 +56,7 @@ fn a_run_in_real_time_is_done_again_bit_for_bit() {
         let pass = &run.session.passes[0];
         assert_eq!((pass.ticks, pass.tape.len()), (1200, 1200));
         assert_eq!(run.summary.window.lost_notes, 0, "the ring holds cycles; the global side was seconds late");
-        assert_eq!(again(&run.session, pass), Replayed::Same { fault: None }, "{text}");
+        assert_eq!(again(&run.session, pass), ReplayOutcome::Same { fault: None }, "{text}");
         assert!(!pass.times.arrivals.is_empty(), "no model ever arrived");
         if !text.is_empty() {
             assert!(!pass.times.late.is_empty(), "no response is as short as 3 µs");
@@ -69,26 +69,26 @@ fn a_recording_survives_its_file_and_betrays_what_was_changed() {
     let mut run = recorded(&scene(""));
     let text = serde_json::to_string(&run.session).expect("it can be written");
     let read: Session = serde_json::from_str(&text).expect("and read");
-    assert_eq!(again(&read, &read.passes[0]), Replayed::Same { fault: None });
+    assert_eq!(again(&read, &read.passes[0]), ReplayOutcome::Same { fault: None });
 
     let pass = &mut run.session.passes[0];
     let tick = pass.tape.iter().rposition(|taped| taped.force[2] != 0.0).unwrap_or(0);
     let whole = pass.clone();
     pass.tape[tick].force[2] = f64::from_bits(pass.tape[tick].force[2].to_bits() ^ 1);
     let changed = pass.clone();
-    assert_eq!(again(&run.session, &changed), Replayed::Differs { tick: Some(tick as u64) });
+    assert_eq!(again(&run.session, &changed), ReplayOutcome::Differs { tick: Some(tick as u64) });
 
     // Without a tape the checksum tells.
     let mut untaped = whole.clone();
     untaped.tape.clear();
-    assert_eq!(again(&run.session, &untaped), Replayed::Same { fault: None });
+    assert_eq!(again(&run.session, &untaped), ReplayOutcome::Same { fault: None });
     untaped.checksum = "0000000000000000".to_owned();
-    assert_eq!(again(&run.session, &untaped), Replayed::Differs { tick: None });
+    assert_eq!(again(&run.session, &untaped), ReplayOutcome::Differs { tick: None });
 
     // A model that never came makes other forces.
     let mut lost = whole.clone();
     lost.times.arrivals.remove(0);
-    assert!(matches!(again(&run.session, &lost), Replayed::Differs { tick: Some(_) }));
+    assert!(matches!(again(&run.session, &lost), ReplayOutcome::Differs { tick: Some(_) }));
 }
 
 #[test]
@@ -125,13 +125,13 @@ fn a_fault_ends_the_loop_and_comes_again() {
     assert!(pass.ticks < 1200, "it runs away");
     let recorded = pass.fault.clone().expect("it is kept");
     match again(&run.session, pass) {
-        Replayed::Same { fault: Some(fault) } => assert_eq!(fault.to_string(), recorded),
+        ReplayOutcome::Same { fault: Some(fault) } => assert_eq!(fault.to_string(), recorded),
         other => panic!("{other:?}"),
     }
     // Without its fault it is another run: one that should have gone on.
     let mut cut = pass.clone();
     cut.fault = Some("another".to_owned());
-    assert!(matches!(again(&run.session, &cut), Replayed::Ended { .. }));
+    assert!(matches!(again(&run.session, &cut), ReplayOutcome::Ended { .. }));
     assert_eq!(run.session.overrun, OverrunPolicy::Hold);
 }
 
@@ -154,7 +154,7 @@ fn served(ticks: impl Iterator<Item = [u64; 3]> + Clone, deadline_ns: u64, polic
 }
 
 fn worst(cold_ns: u64) -> WorstTick {
-    let why = Why::MostCpuTime;
+    let why = ReplayReason::MostCpuTime;
     WorstTick { pass: 0, tick: 5, why, times: None, warm_ns: [1000, 1200], cold_ns: [cold_ns, cold_ns] }
 }
 
@@ -235,10 +235,10 @@ fn misses_are_counted_exactly_and_explained_one_by_one() {
     let platform = &certificate.platform;
     assert_eq!((platform.misses, platform.longest_miss_run, platform.skipped), (3, 2, 0));
     assert_eq!(platform.response_ns.max, 2_000_000);
-    let causes: Vec<(u64, Cause)> = certificate.misses.iter().map(|miss| (miss.times.tick, miss.cause)).collect();
-    assert_eq!(causes[..2], [(100, Cause::Release), (101, Cause::Release)]);
+    let causes: Vec<(u64, FaultCause)> = certificate.misses.iter().map(|miss| (miss.times.tick, miss.cause)).collect();
+    assert_eq!(causes[..2], [(100, FaultCause::Release), (101, FaultCause::Release)]);
     // Whether something took the CPU away is read from the counters of this very thread.
-    assert!(matches!(causes[2..], [(2000, Cause::Unknown | Cause::Preempted)]), "{causes:?}");
+    assert!(matches!(causes[2..], [(2000, FaultCause::Unknown | FaultCause::Preempted)]), "{causes:?}");
     let bound = certificate.miss_rate.ticks.as_ref().expect("there are ticks");
     assert!(bound.estimate < bound.upper && bound.upper < 0.01);
     // Quantiles have three digits.
@@ -249,13 +249,13 @@ fn misses_are_counted_exactly_and_explained_one_by_one() {
 #[test]
 fn a_ring_that_is_full_counts_what_it_loses_and_waits_for_nobody() {
     let simulation = Simulation::prepare(&scene("")).expect("it starts");
-    let keep = simulation.keeps();
+    let keep = simulation.recording();
     let mut servo = simulation.into_sides().servo;
     let nodes = servo.local().model().patch.nodes.clone();
     let (mut up, mut down) = channel(10, keep, &nodes);
     up.begin_pass(0, &servo);
     for _ in 0..500 {
-        servo.tick(Fate::OnTime).expect("no fault");
+        servo.tick(DeadlineOutcome::OnTime).expect("no fault");
         up.end_tick(&servo);
     }
     assert!(up.lost() > 0);

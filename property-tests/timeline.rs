@@ -1,7 +1,7 @@
 //! Deadlines and late models in virtual time.
 
 use stickslip::Vec3;
-use stickslip::multirate::timeline::{Arrival, Cost, Costs, Fate, OverrunPolicy, RecordedTimes, Timeline};
+use stickslip::multirate::timeline::{Arrival, Cost, Costs, DeadlineOutcome, OverrunPolicy, RecordedTimes, Timeline};
 use stickslip::pipeline::Simulation;
 use stickslip::scene::Scene;
 use stickslip::verify::lateness::{SHARES, consequences};
@@ -14,7 +14,7 @@ struct Run {
     commanded: Vec<Vec3>,
     computed: Vec<Vec3>,
     tips: Vec<Vec3>,
-    fates: Vec<Fate>,
+    outcomes: Vec<DeadlineOutcome>,
     ages: Vec<u64>,
 }
 
@@ -24,13 +24,13 @@ impl Run {
         if let Some(timeline) = timeline {
             simulation = simulation.with_timeline(timeline);
         }
-        let mut run = Self { commanded: vec![], computed: vec![], tips: vec![], fates: vec![], ages: vec![] };
+        let mut run = Self { commanded: vec![], computed: vec![], tips: vec![], outcomes: vec![], ages: vec![] };
         simulation
             .run(|view| {
                 run.commanded.push(view.force);
                 run.computed.push(view.report.force);
                 run.tips.push(view.tip);
-                run.fates.push(view.fate);
+                run.outcomes.push(view.deadline_outcome);
                 run.ages.push(view.model_age);
             })
             .expect("no fault");
@@ -38,15 +38,19 @@ impl Run {
     }
 
     fn late(&self) -> Vec<u64> {
-        self.ticks(|fate| matches!(fate, Fate::Late(_)))
+        self.ticks(|deadline_outcome| matches!(deadline_outcome, DeadlineOutcome::Late(_)))
     }
 
     fn skipped(&self) -> Vec<u64> {
-        self.ticks(|fate| fate == Fate::Skipped)
+        self.ticks(|deadline_outcome| deadline_outcome == DeadlineOutcome::Skipped)
     }
 
-    fn ticks(&self, which: impl Fn(Fate) -> bool) -> Vec<u64> {
-        (0..).zip(&self.fates).filter(|&(_, &fate)| which(fate)).map(|(tick, _)| tick).collect()
+    fn ticks(&self, which: impl Fn(DeadlineOutcome) -> bool) -> Vec<u64> {
+        (0..)
+            .zip(&self.outcomes)
+            .filter(|&(_, &deadline_outcome)| which(deadline_outcome))
+            .map(|(tick, _)| tick)
+            .collect()
     }
 }
 
@@ -88,9 +92,9 @@ fn holding_repeats_the_last_command_and_zero_commands_none() {
         let run = Run::of(&scene(overrun, rare(), NOTHING), None);
         assert!(!run.late().is_empty() && run.skipped().is_empty());
         let mut last = Vec3::zeros();
-        for tick in 0..run.fates.len() {
-            let force = match run.fates[tick] {
-                Fate::OnTime => run.computed[tick],
+        for tick in 0..run.outcomes.len() {
+            let force = match run.outcomes[tick] {
+                DeadlineOutcome::OnTime => run.computed[tick],
                 _ => expected.unwrap_or(last),
             };
             assert_eq!(run.commanded[tick], force, "tick {tick} under {overrun:?}");
@@ -163,7 +167,8 @@ fn a_log_normal_cost_has_the_percentiles_it_is_given_by() {
         let mut scene = scene(OverrunPolicy::Hold, Cost::LogNormal { median: 2e-4, p99: 9e-4 }, NOTHING);
         scene.deadline.after = deadline;
         let mut timeline = scene.timeline();
-        (0..ticks).filter(|&tick| timeline.fate(tick) != Fate::OnTime).count() as f64 / ticks as f64
+        (0..ticks).filter(|&tick| timeline.deadline_outcome(tick) != DeadlineOutcome::OnTime).count() as f64
+            / ticks as f64
     };
     // Four standard deviations of a share of 20,000 draws.
     for (deadline, share) in [(2e-4, 0.5), (9e-4, 0.01)] {

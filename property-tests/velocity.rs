@@ -1,4 +1,4 @@
-//! The velocity scheme: the laws at the end of a tick, the energy book beside that of the
+//! The velocity scheme: the laws at the end of a tick, the energy balance beside that of the
 //! geometric scheme, continuity of the force, order of convergence.
 
 use stickslip::Vec3;
@@ -8,7 +8,7 @@ use stickslip::device::path::{TipPath, Waypoint};
 use stickslip::pipeline::{self, TickView};
 use stickslip::scene::Scene;
 use stickslip::surface::geometry::ContactSurface;
-use stickslip::verify::surfaces::{self, Felt};
+use stickslip::verify::surfaces::{self, SurfaceMeasures};
 
 use crate::check::{Worst, shipped};
 
@@ -47,14 +47,14 @@ fn the_contact_point_follows_the_tip() {
     }
 }
 
-/// Residual of the energy book over the total |work|.
+/// Residual of the energy balance over the total |work|.
 fn energy_residual(scene: &Scene) -> f64 {
     let mut residual = f64::NAN;
     completes(scene, |view| residual = view.energy.residual() / view.energy.absolute_work);
     residual
 }
 
-/// The book closes on the limit surface under the velocity scheme, and better with every halving of the
+/// The energy balance closes on the limit surface under the velocity scheme, and better with every halving of the
 /// step; beside it the residuals of what is used elsewhere.
 #[test]
 fn energy_book_closes_on_the_limit_surface() {
@@ -84,8 +84,8 @@ fn force_does_not_jump_on_the_limit_surface() {
     for (name, allowed) in [("deep-sliding", 0.005), ("deep-stick-slip", 0.03)] {
         for (_, surface) in surfaces::SURFACES {
             for (scheme_name, scheme) in surfaces::SCHEMES {
-                let felt = surfaces::feel(&full(name, surface, scheme, 1), |_| {}).expect("it starts outside");
-                let Felt { jump_relative, contact_losses, mode_switches_per_s, .. } = felt;
+                let measures = surfaces::measure(&full(name, surface, scheme, 1), |_| {}).expect("it starts outside");
+                let SurfaceMeasures { jump_relative, contact_losses, mode_switches_per_s, .. } = measures;
                 println!(
                     "RESIDUAL | continuity | {name}, {surface:?}, {scheme_name}: jump / force, losses, switches per s | - | {jump_relative:.4} {contact_losses} {mode_switches_per_s:.1}"
                 );

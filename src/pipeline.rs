@@ -25,13 +25,13 @@ use crate::model::network::{Network, NetworkError};
 use crate::model::state::State;
 use crate::model::topology::{Surface, SurfaceError};
 use crate::model::work::WorkCounts;
-use crate::multirate::energy::EnergyBook;
-use crate::multirate::failsafe::{Bounds, Cause, FailSafe, Fault};
+use crate::multirate::energy::EnergyBalance;
+use crate::multirate::failsafe::{Bounds, FailSafe, Fault, FaultCause};
 use crate::multirate::global::{BuildError, CycleSettings, GlobalSide, GlobalSimulation, Moment, SyncMode};
 use crate::multirate::messages::{CycleMessage, ModelMessage};
 use crate::multirate::servo::Servo;
-use crate::multirate::timeline::{Arrival, Fate, Timeline};
-use crate::multirate::trajectory::{Keep, Trajectory};
+use crate::multirate::timeline::{Arrival, DeadlineOutcome, Timeline};
+use crate::multirate::trajectory::{PathRecording, Trajectory};
 use crate::scene::{Problem, Scene, SceneError};
 use crate::surface::geometry::SurfaceModel;
 
@@ -74,7 +74,7 @@ pub struct TickView<'a> {
     /// What the tick did; of the last one that was computed if this one was skipped.
     pub report: &'a TickReport,
     /// Whether it met its deadline.
-    pub fate: Fate,
+    pub deadline_outcome: DeadlineOutcome,
     /// Whether the run has deadlines.
     pub has_deadlines: bool,
     /// The local side, at the end of the tick.
@@ -86,7 +86,7 @@ pub struct TickView<'a> {
     /// Age of the model that did it, ticks.
     pub model_age: u64,
     /// Energies at its end.
-    pub energy: &'a EnergyBook,
+    pub energy: &'a EnergyBalance,
     /// What both sides have computed so far.
     pub work: WorkCounts,
     /// What became of the exterior in the models so far, if it is condensed.
@@ -219,7 +219,7 @@ pub struct Simulation {
     tick_s: f64,
     tick_count: u64,
     ticks_per_cycle: u64,
-    keep: Keep,
+    recording: PathRecording,
     /// The whole network runs at the local rate: there are no cycles and no model to age.
     is_full: bool,
 }
@@ -288,14 +288,16 @@ impl Simulation {
         if !(distance >= -START_TOLERANCE) {
             return Err(AssemblyError::TipInside { depth_m: -distance });
         }
-        let keep = match (is_rendered_by_another, local.moved()) {
+        let recording = match (is_rendered_by_another, local.moved()) {
             (true, None) if scene.global.integrator == GlobalIntegrator::ImplicitEuler => {
                 return Err(AssemblyError::PushedImplicitly);
             }
-            (true, None) => Keep::Push,
-            (true, Some(_)) => Keep::Path,
-            (false, _) if scene.global.sync == SyncMode::Replay && scene.local().extent != Extent::All => Keep::Path,
-            (false, _) => Keep::End,
+            (true, None) => PathRecording::Forces,
+            (true, Some(_)) => PathRecording::EveryTick,
+            (false, _) if scene.global.sync == SyncMode::Replay && scene.local().extent != Extent::All => {
+                PathRecording::EveryTick
+            }
+            (false, _) => PathRecording::LastTick,
         };
         Ok(Self {
             servo: Servo::new(local, instrument, smoothing, FailSafe::new(Bounds::new(&network.rest)), scene.tick_s()),
@@ -306,7 +308,7 @@ impl Simulation {
             tick_s: scene.tick_s(),
             tick_count: scene.tick_count(),
             ticks_per_cycle: u64::from(scene.ticks_per_cycle()),
-            keep,
+            recording,
             is_full: scene.is_full(),
         })
     }
@@ -348,8 +350,8 @@ impl Simulation {
     }
 
     /// How much of the patch's path the global side needs; `None` if there are no cycles.
-    pub fn keeps(&self) -> Option<Keep> {
-        (!self.is_full).then_some(self.keep)
+    pub fn recording(&self) -> Option<PathRecording> {
+        (!self.is_full).then_some(self.recording)
     }
 
     /// Runs in lockstep: the two sides take turns in virtual time. `observe` is called after every
@@ -397,17 +399,17 @@ pub struct Lockstep {
     /// Up: the cycles that the global side has not yet taken in.
     passed: Vec<CycleMessage>,
     /// Down: models that are not yet due, or why there is none.
-    pending: VecDeque<(Arrival, Result<ModelMessage, Cause>)>,
-    energy: EnergyBook,
+    pending: VecDeque<(Arrival, Result<ModelMessage, FaultCause>)>,
+    energy: EnergyBalance,
 }
 
 impl Lockstep {
     /// Before the first tick.
     pub fn new(simulation: Simulation) -> Self {
         let ground = if simulation.is_full { simulation.network.fixed_potential() } else { 0.0 };
-        let mut energy = EnergyBook::new(ground);
+        let mut energy = EnergyBalance::new(ground);
         energy.take_stock(simulation.servo.local());
-        let trajectory = Trajectory::new(simulation.keep);
+        let trajectory = Trajectory::new(simulation.recording);
         let mut run = Self { simulation, trajectory, passed: Vec::new(), pending: VecDeque::new(), energy };
         run.begin_segment();
         run
@@ -443,7 +445,7 @@ impl Lockstep {
 
     /// Everything before a tick. Returns whether there is one.
     fn begin(&mut self, mark: &mut impl FnMut(Moment)) -> Result<bool, Fault> {
-        let Simulation { global, servo, timeline, ticks_per_cycle, tick_count, keep, is_full, .. } =
+        let Simulation { global, servo, timeline, ticks_per_cycle, tick_count, recording, is_full, .. } =
             &mut self.simulation;
         let tick = servo.next_tick();
         if tick >= *tick_count {
@@ -451,7 +453,7 @@ impl Lockstep {
         }
         let is_boundary = tick % *ticks_per_cycle == 0 && tick > 0 && !*is_full;
         if is_boundary {
-            let past = std::mem::replace(&mut self.trajectory, Trajectory::new(*keep));
+            let past = std::mem::replace(&mut self.trajectory, Trajectory::new(*recording));
             self.passed.push(CycleMessage { trajectory: past, contact: servo.local().contact(), tip: servo.tip() });
             if let Some(at) = timeline.model_due(tick) {
                 self.pending.push_back((Arrival { from: tick, at }, global.next_model(self.passed.drain(..), mark)));
@@ -471,23 +473,27 @@ impl Lockstep {
 
     /// The tick itself.
     fn finish(&mut self, mark: &mut impl FnMut(Moment)) -> Result<TickView<'_>, Fault> {
-        let Simulation { global, network, servo, timeline, tick_s, is_full, keep, .. } = &mut self.simulation;
-        let fate = timeline.fate(servo.next_tick());
+        let Simulation { global, network, servo, timeline, tick_s, is_full, recording, .. } = &mut self.simulation;
+        let deadline_outcome = timeline.deadline_outcome(servo.next_tick());
         mark(Moment::TickBegins);
-        let done = servo.tick(fate)?;
+        let done = servo.tick(deadline_outcome)?;
         mark(Moment::TickEnds);
         let local = servo.local();
-        match (local.moved(), *keep) {
+        match (local.moved(), *recording) {
             _ if *is_full => {}
             (Some(moved), _) => self.trajectory.record_at(moved.x, moved.v),
-            (None, Keep::Push) => {
-                let point = servo.report().touch.filter(|_| fate != Fate::Skipped).map(|touch| touch.point);
+            (None, PathRecording::Forces) => {
+                let point = servo
+                    .report()
+                    .touch
+                    .filter(|_| deadline_outcome != DeadlineOutcome::Skipped)
+                    .map(|touch| touch.point);
                 self.trajectory.record_push(done.report.force, point);
             }
             (None, _) => self.trajectory.record(local.state()),
         }
-        if fate != Fate::Skipped {
-            self.energy.book(local, &done.report, done.tip_before, done.tip, *tick_s);
+        if deadline_outcome != DeadlineOutcome::Skipped {
+            self.energy.add_tick(local, &done.report, done.tip_before, done.tip, *tick_s);
         }
         Ok(TickView {
             tick: done.tick,
@@ -496,7 +502,7 @@ impl Lockstep {
             tip: done.tip,
             force: done.force,
             report: servo.report(),
-            fate,
+            deadline_outcome,
             has_deadlines: !matches!(timeline, Timeline::Ideal { .. }),
             local,
             network,

@@ -20,14 +20,14 @@ const FORMAT: &str = "stickslip-session-1";
 
 /// What a tick left.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Taped {
+pub struct RecordedTick {
     /// The tip at its end, m.
     pub tip: [f64; 3],
     /// Commanded, N.
     pub force: [f64; 3],
 }
 
-impl Taped {
+impl RecordedTick {
     /// Tip and commanded force of a tick.
     pub fn new(tip: Vec3, force: Vec3) -> Self {
         Self { tip: tip.into(), force: force.into() }
@@ -42,7 +42,7 @@ impl Taped {
 /// Tells whether two runs commanded the same forces to the bit (FNV-1a over their 64-bit patterns).
 ///
 /// ```
-/// use stickslip::{Vec3, session::{Checksum, Taped}};
+/// use stickslip::{Vec3, session::{Checksum, RecordedTick}};
 ///
 /// let of = |forces: &[Vec3]| {
 ///     let mut checksum = Checksum::default();
@@ -52,7 +52,7 @@ impl Taped {
 /// assert_eq!(of(&[Vec3::x(), Vec3::y()]), of(&[Vec3::x(), Vec3::y()]));
 /// assert_ne!(of(&[Vec3::x(), Vec3::y()]), of(&[Vec3::y(), Vec3::x()])); // the order counts,
 /// assert_ne!(of(&[Vec3::zeros()]), of(&[-Vec3::zeros()])); // and every bit
-/// assert_eq!(Taped::new(Vec3::x(), Vec3::z()).force, [0.0, 0.0, 1.0]);
+/// assert_eq!(RecordedTick::new(Vec3::x(), Vec3::z()).force, [0.0, 0.0, 1.0]);
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Checksum(u64);
@@ -93,7 +93,7 @@ pub struct RecordedPass {
     pub fault: Option<String>,
     /// Tick by tick, if that was kept.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub tape: Vec<Taped>,
+    pub tape: Vec<RecordedTick>,
 }
 
 /// A tick to look at again.
@@ -104,21 +104,21 @@ pub struct TickToReplay {
     /// Counted from 0 in its pass.
     pub tick: u64,
     /// Why it is here.
-    pub why: Why,
+    pub why: ReplayReason,
 }
 
 /// What makes a tick worth another look.
 ///
 /// ```
-/// use stickslip::session::Why;
+/// use stickslip::session::ReplayReason;
 ///
-/// let written = serde_json::to_value(Why::HandOver)?;
-/// assert_eq!(written, Why::HandOver.name());
-/// assert_eq!(serde_json::from_value::<Why>(written)?, Why::HandOver);
+/// let written = serde_json::to_value(ReplayReason::HandOver)?;
+/// assert_eq!(written, ReplayReason::HandOver.name());
+/// assert_eq!(serde_json::from_value::<ReplayReason>(written)?, ReplayReason::HandOver);
 /// # Ok::<(), serde_json::Error>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Why {
+pub enum ReplayReason {
     /// From the start of its tick to its command.
     #[serde(rename = "longest response")]
     LongestResponse,
@@ -139,16 +139,16 @@ pub enum Why {
     Rest,
 }
 
-impl Why {
+impl ReplayReason {
     /// As it is said in files and tables.
     pub fn name(self) -> &'static str {
         match self {
-            Why::LongestResponse => "longest response",
-            Why::MostCpuTime => "most CPU time",
-            Why::ContactOnset => "contact onset",
-            Why::EdgeCrossed => "edge crossed",
-            Why::HandOver => "model handed over",
-            Why::Rest => "rest after long decay",
+            ReplayReason::LongestResponse => "longest response",
+            ReplayReason::MostCpuTime => "most CPU time",
+            ReplayReason::ContactOnset => "contact onset",
+            ReplayReason::EdgeCrossed => "edge crossed",
+            ReplayReason::HandOver => "model handed over",
+            ReplayReason::Rest => "rest after long decay",
         }
     }
 }
@@ -156,7 +156,7 @@ impl Why {
 /// A recorded session: the scene, what decides how it went, and what came out.
 ///
 /// ```
-/// use stickslip::session::{Checksum, RecordedPass, Replayed, Session, replay};
+/// use stickslip::session::{Checksum, RecordedPass, ReplayOutcome, Session, replay};
 /// use stickslip::multirate::timeline::{Arrival, OverrunPolicy, RecordedTimes};
 /// use stickslip::scene::Scene;
 ///
@@ -171,7 +171,7 @@ impl Why {
 /// // With the checksum of no force at all it is another run; with its own it is the same.
 /// let mut commanded = Checksum::default();
 /// let replayed = replay(session.prepare(&scene, &pass)?, &pass, |tick| commanded.add(tick.force));
-/// assert_eq!(replayed, Replayed::Differs { tick: None });
+/// assert_eq!(replayed, ReplayOutcome::Differs { tick: None });
 /// pass.checksum = commanded.text();
 /// session.passes.push(pass);
 ///
@@ -181,7 +181,7 @@ impl Why {
 /// std::fs::write(&file, serde_json::to_string(&session)?)?;
 /// let session = Session::load(&file)?;
 /// let again = session.prepare(&session.scene()?, &session.passes[0])?;
-/// assert_eq!(replay(again, &session.passes[0], |_| ()), Replayed::Same { fault: None });
+/// assert_eq!(replay(again, &session.passes[0], |_| ()), ReplayOutcome::Same { fault: None });
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -242,7 +242,7 @@ pub enum SessionError {
 
 /// How a pass went the second time.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Replayed {
+pub enum ReplayOutcome {
     /// The same, to the bit; with the fault that ended both, if one did.
     Same {
         /// What ended it.
@@ -315,7 +315,7 @@ impl Session {
 }
 
 /// Runs a pass again and compares; `observe` is called after every tick.
-pub fn replay(simulation: Simulation, recorded: &RecordedPass, mut observe: impl FnMut(&TickView)) -> Replayed {
+pub fn replay(simulation: Simulation, recorded: &RecordedPass, mut observe: impl FnMut(&TickView)) -> ReplayOutcome {
     let mut run = Lockstep::new(simulation);
     let (mut ticks, mut checksum, mut differs) = (0, Checksum::default(), None);
     let mut fault = None;
@@ -325,7 +325,7 @@ pub fn replay(simulation: Simulation, recorded: &RecordedPass, mut observe: impl
         match run.step() {
             Ok(Some(view)) => {
                 checksum.add(view.force);
-                let taped = Taped::new(view.tip, view.force);
+                let taped = RecordedTick::new(view.tip, view.force);
                 let was = recorded.tape.get(view.tick as usize);
                 if differs.is_none() && was.is_some_and(|was| !was.is_same(&taped)) {
                     differs = Some(view.tick);
@@ -338,10 +338,10 @@ pub fn replay(simulation: Simulation, recorded: &RecordedPass, mut observe: impl
         }
     }
     if differs.is_some() || (ticks == recorded.ticks && checksum.text() != recorded.checksum) {
-        Replayed::Differs { tick: differs }
+        ReplayOutcome::Differs { tick: differs }
     } else if ticks == recorded.ticks && fault.as_ref().map(ToString::to_string) == recorded.fault {
-        Replayed::Same { fault }
+        ReplayOutcome::Same { fault }
     } else {
-        Replayed::Ended { ticks, fault }
+        ReplayOutcome::Ended { ticks, fault }
     }
 }

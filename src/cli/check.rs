@@ -14,7 +14,7 @@ use crate::output::files::{WriteError, write_json};
 use crate::scene::{SHIPPED, Scene, SceneError};
 use crate::verify::accept::accept;
 use crate::verify::baseline::{Provenance, Store};
-use crate::verify::compare::{Comparison, Outcome, compare};
+use crate::verify::compare::{Comparison, ComparisonOutcome, compare};
 use crate::verify::paired::{FEWEST_PAIRS, MOST_PAIRS};
 use crate::verify::results::Results;
 
@@ -105,15 +105,15 @@ impl Checked {
             Err(error) => (None, Vec::new(), Some(error.to_string())),
         };
         let count = |outcome| comparisons.iter().filter(|comparison| comparison.outcome == outcome).count();
-        let failed = count(Outcome::Fail);
+        let failed = count(ComparisonOutcome::Fail);
         let passes = failed == 0 && !comparisons.is_empty();
         Self {
             scene: scene.name.clone(),
             verdict: verdict(passes),
             problem,
-            identical: count(Outcome::Identical),
-            within_tolerance: count(Outcome::Within),
-            improved: count(Outcome::Improved),
+            identical: count(ComparisonOutcome::Identical),
+            within_tolerance: count(ComparisonOutcome::Within),
+            improved: count(ComparisonOutcome::Improved),
             failed,
             provenance,
             baseline_provenance,
@@ -215,7 +215,7 @@ fn verdict_table(scenes: &[Checked]) -> Table {
     let mut table = Table::new();
     table.load_style(UTF8_FULL_CONDENSED).set_header(["scene", "verdict", "quantities"]);
     for scene in scenes {
-        let share = scene.comparisons.iter().filter(|c| c.outcome == Outcome::Within);
+        let share = scene.comparisons.iter().filter(|c| c.outcome == ComparisonOutcome::Within);
         let share = share.map(Comparison::share_of_tolerance).fold(0.0, f64::max);
         let within = match scene.within_tolerance {
             0 => String::new(),
@@ -236,7 +236,7 @@ fn change_table(scenes: &[Checked]) -> Option<Table> {
     let mut table = Table::new();
     let head = ["scene", "quantity", "baseline", "now", "difference", "tolerance", "first tick", "outcome"];
     table.load_style(UTF8_FULL_CONDENSED).set_header(head);
-    let shown = |c: &&Comparison| matches!(c.outcome, Outcome::Fail | Outcome::Improved);
+    let shown = |c: &&Comparison| matches!(c.outcome, ComparisonOutcome::Fail | ComparisonOutcome::Improved);
     for scene in scenes {
         for c in scene.comparisons.iter().filter(shown) {
             table.add_row([
@@ -247,7 +247,7 @@ fn change_table(scenes: &[Checked]) -> Option<Table> {
                 if c.difference.0.is_finite() { format!("{:+.3e}", c.difference.0) } else { "–".to_owned() },
                 format!("{:.1e}", c.tolerance.0),
                 c.first_tick.map_or("–".to_owned(), |tick| tick.to_string()),
-                if c.outcome == Outcome::Fail { "FAIL" } else { "improved" }.to_owned(),
+                if c.outcome == ComparisonOutcome::Fail { "FAIL" } else { "improved" }.to_owned(),
             ]);
         }
     }

@@ -13,7 +13,7 @@ use crate::Vec3;
 use crate::dynamics::constraint::Threads;
 use crate::dynamics::integrators::GlobalIntegrator;
 use crate::dynamics::stability::{StepLimit, explicit_step_limit};
-use crate::local::condensation::Outcome;
+use crate::local::condensation::CondensationOutcome;
 use crate::local::model::Linearization;
 use crate::local::step::{LinearStep, LocalIntegrator};
 use crate::multirate::global::SyncMode;
@@ -152,7 +152,7 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
     let rows = 3 * patch.len();
     let step = model.step.as_ref();
     let columns = if step.is_some() || patch.springs.is_damped() || scene.material.drag != 0.0 { 6 } else { 3 };
-    let condenses = model.condensation.is_some_and(|(outcome, _)| outcome != Outcome::Held);
+    let condenses = model.condensation.is_some_and(|(outcome, _)| outcome != CondensationOutcome::Held);
     let cost_per_tick = TickCost {
         matrix: if linear { Some([rows, columns * patch.len()]) } else { condenses.then_some([rows; 2]) },
         products: step.map_or(1, LinearStep::products),
@@ -175,9 +175,9 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
         new_models: u32::from(!scene.is_full()),
         condensation: model.condensation.map(|(outcome, size)| CondensationCost {
             outcome: match outcome {
-                Outcome::AsAsked => "as asked",
-                Outcome::Stabilised => "stabilised: it is indefinite with the exact tangent",
-                Outcome::Held => "held: it can move without a force",
+                CondensationOutcome::AsAsked => "as asked",
+                CondensationOutcome::Stabilised => "stabilised: it is indefinite with the exact tangent",
+                CondensationOutcome::Held => "held: it can move without a force",
             },
             nodes: size.nodes,
             coarse_vertices: size.vertices,

@@ -10,7 +10,7 @@ use super::terminal::{hand_out, say};
 use super::tick_timing::{TimedTick, time_ticks};
 use super::{FAIL, PASS};
 use crate::pipeline::Simulation;
-use crate::session::{self, Replayed, Session};
+use crate::session::{self, ReplayOutcome, Session};
 
 /// What `replay` found, for programs.
 #[derive(Serialize)]
@@ -41,13 +41,13 @@ pub fn replay(file: &Path) -> miette::Result<u8> {
         let went = session::replay(simulation, pass, |view| progress.set(view.tick + 1));
         progress.end(pass.ticks);
         let (is_same, words) = match went {
-            Replayed::Same { fault: None } => (true, format!("{} ticks, the same to the bit", pass.ticks)),
-            Replayed::Same { fault: Some(fault) } => {
+            ReplayOutcome::Same { fault: None } => (true, format!("{} ticks, the same to the bit", pass.ticks)),
+            ReplayOutcome::Same { fault: Some(fault) } => {
                 (true, format!("{} ticks, the same to the bit, and the same end: {fault}", pass.ticks))
             }
-            Replayed::Differs { tick: Some(tick) } => (false, format!("DIFFERS from tick {tick} on")),
-            Replayed::Differs { tick: None } => (false, "DIFFERS: the forces have another checksum".to_owned()),
-            Replayed::Ended { ticks, fault } => {
+            ReplayOutcome::Differs { tick: Some(tick) } => (false, format!("DIFFERS from tick {tick} on")),
+            ReplayOutcome::Differs { tick: None } => (false, "DIFFERS: the forces have another checksum".to_owned()),
+            ReplayOutcome::Ended { ticks, fault } => {
                 let why = fault.map_or("the scene is over".to_owned(), |fault| fault.to_string());
                 (false, format!("ENDED after {ticks} of {} ticks: {why}", pass.ticks))
             }

@@ -10,7 +10,7 @@ use super::terminal::{hand_out, say};
 use super::{FAIL, PASS, folder, load, table};
 use crate::local::model::Linearization;
 use crate::model::springs::TangentKind;
-use crate::multirate::failsafe::Cause;
+use crate::multirate::failsafe::FaultCause;
 use crate::output::files::{FinishedRun, run_into};
 use crate::output::vtk::VtkWriter;
 use crate::pipeline::{Simulation, TickView};
@@ -83,7 +83,7 @@ pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
     if let Some(fault) = &finished.fault {
         eprintln!("{fault}");
         let is_frozen = scene.local().linearization == Linearization::Tangent(TangentKind::Exact);
-        if matches!(fault.cause, Cause::Runaway { .. }) && is_frozen {
+        if matches!(fault.cause, FaultCause::Runaway { .. }) && is_frozen {
             eprintln!("{RUNAWAY_ADVICE}");
         }
     }
@@ -109,22 +109,22 @@ mod real_time {
     use crate::pipeline::TickView;
     use crate::realtime::record::{Quantiles, record};
     use crate::scene::Scene;
-    use crate::session::{Replayed, replay};
+    use crate::session::{ReplayOutcome, replay};
 
     pub fn execute(scene: &Scene, out: &Path, watch: impl FnMut(&TickView)) -> miette::Result<(FinishedRun, bool)> {
         let mut recorded = record(scene, interrupt::flag()?)?;
         let session = &recorded.session;
         let pass = session.passes.first().ok_or_else(|| miette::miette!("the loop left no pass"))?;
-        let mut replayed = Replayed::Same { fault: None };
+        let mut replayed = ReplayOutcome::Same { fault: None };
         let mut finished = write_run(scene, session.prepare(scene, pass)?, out, watch, |simulation, observe| {
             replayed = replay(simulation, pass, observe);
             match &replayed {
-                Replayed::Same { fault } | Replayed::Ended { fault, .. } => fault.as_deref().copied(),
-                Replayed::Differs { .. } => None,
+                ReplayOutcome::Same { fault } | ReplayOutcome::Ended { fault, .. } => fault.as_deref().copied(),
+                ReplayOutcome::Differs { .. } => None,
             }
         })?;
         let summary = &mut recorded.summary;
-        let is_same = matches!(replayed, Replayed::Same { .. });
+        let is_same = matches!(replayed, ReplayOutcome::Same { .. });
         summary.replayed = is_same;
         write_json(&out.join("session.json"), session)?;
         write_json(&out.join("timing.json"), summary)?;

@@ -8,10 +8,10 @@ use serde::Serialize;
 
 use crate::contact::law::Mode;
 use crate::multirate::servo::Servo;
-use crate::multirate::timeline::Fate;
+use crate::multirate::timeline::DeadlineOutcome;
 use crate::pipeline::{Lockstep, Simulation};
 use crate::scene::{Scene, SceneError};
-use crate::session::{RecordedPass, Session, TickToReplay, Why};
+use crate::session::{RecordedPass, ReplayReason, Session, TickToReplay};
 
 /// Repetitions with warm and with cold caches.
 const WARM: usize = 101;
@@ -66,19 +66,19 @@ pub fn time_ticks(session: &Session, scene: &Scene) -> Result<Vec<TimedTick>, Sc
 /// The first tick of every kind in a pass.
 fn kinds(simulation: Simulation, pass: &RecordedPass) -> Vec<TickToReplay> {
     let mut run = Lockstep::new(simulation);
-    let mut first: Vec<(Why, u64)> = Vec::new();
+    let mut first: Vec<(ReplayReason, u64)> = Vec::new();
     let mut triangle = None;
     while run.servo().next_tick() < pass.ticks
         && let Ok(Some(view)) = run.step()
     {
         let now = view.report.touch.map(|touch| touch.point.triangle);
         let found = [
-            (Why::ContactOnset, view.report.collision_time.is_some()),
-            (Why::EdgeCrossed, triangle.is_some() && now.is_some() && now != triangle),
-            (Why::HandOver, view.tick > 0 && view.model_age == 0 && view.report.mode != Mode::Free),
+            (ReplayReason::ContactOnset, view.report.collision_time.is_some()),
+            (ReplayReason::EdgeCrossed, triangle.is_some() && now.is_some() && now != triangle),
+            (ReplayReason::HandOver, view.tick > 0 && view.model_age == 0 && view.report.mode != Mode::Free),
         ];
         triangle = now;
-        for (why, _) in found.iter().filter(|(_, is_so)| *is_so && view.fate != Fate::Skipped) {
+        for (why, _) in found.iter().filter(|(_, is_so)| *is_so && view.deadline_outcome != DeadlineOutcome::Skipped) {
             if !first.iter().any(|(known, _)| known == why) {
                 first.push((*why, view.tick));
             }
@@ -95,7 +95,7 @@ fn at_rest(simulation: Simulation, pass: u32, cache: &mut [u64]) -> Option<Timed
         let tip = servo.tip();
         servo.compute(tip).ok()?;
     }
-    let tick = TickToReplay { pass, tick: 0, why: Why::Rest };
+    let tick = TickToReplay { pass, tick: 0, why: ReplayReason::Rest };
     Some(time(&servo, tick, cache))
 }
 

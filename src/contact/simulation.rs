@@ -168,7 +168,7 @@ impl LocalSimulation {
     }
 
     /// ½ Δvᵀ M Δv of the last tick, J, under the velocity scheme. The geometric one has no such term: it
-    /// changes velocities in several places and keeps no energy book. Nor have steps whose impulse acts over the
+    /// changes velocities in several places and does not satisfy an energy balance. Nor have steps whose impulse acts over the
     /// whole tick: they lose the work of Λ over what `follow` closes.
     ///
     /// ```

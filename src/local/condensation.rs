@@ -73,7 +73,7 @@ words!(FarField { Fixed = "fixed", Coarse = "coarse" });
 
 /// What became of the exterior of one model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Outcome {
+pub enum CondensationOutcome {
     /// C is made from the Jacobian that was asked for.
     AsAsked,
     /// With the exact Jacobian the exterior is in no stable equilibrium (it is compressed, or hinged):
@@ -115,7 +115,7 @@ pub struct Condensed {
     /// C, N/m; none where the exterior is held.
     pub stiffness: Option<DMatrix<f64>>,
     /// What became of the exterior.
-    pub outcome: Outcome,
+    pub outcome: CondensationOutcome,
     /// The tangent that this model is built with.
     pub tangent: TangentKind,
     /// Size of the system.
@@ -136,7 +136,7 @@ pub struct CondensedSize {
 /// Condenses the exterior of one patch after the other.
 ///
 /// ```
-/// use stickslip::local::condensation::{Condensation, Condenser, Outcome, Reach};
+/// use stickslip::local::condensation::{Condensation, Condenser, CondensationOutcome, Reach};
 /// use stickslip::model::springs::TangentKind;
 /// use stickslip::{pipeline::Simulation, scene::Scene};
 ///
@@ -145,7 +145,7 @@ pub struct CondensedSize {
 /// let (network, patch) = (simulation.network(), &simulation.local().model().patch);
 /// let mut condenser = Condenser::new(network, Condensation { tangent: TangentKind::Exact, reach: Reach::All });
 /// let condensed = condenser.condense(network, patch, &network.rest);
-/// assert_eq!((condensed.outcome, condenser.counts().models), (Outcome::AsAsked, 1));
+/// assert_eq!((condensed.outcome, condenser.counts().models), (CondensationOutcome::AsAsked, 1));
 ///
 /// // An exterior that follows takes load off the patch, and never more than it carried: C is positive semidefinite.
 /// let c = condensed.stiffness.expect("it is as asked");
@@ -188,19 +188,19 @@ impl Condenser {
         let mut with = |kind| plan.condense(x, kind, &mut self.values, &mut self.factor);
         let asked = self.settings.tangent;
         let (stiffness, outcome, tangent) = match (with(asked), asked) {
-            (Ok(c), _) => (Some(c), Outcome::AsAsked, asked),
-            (Err(NotDefinite), TangentKind::Stabilised) => (None, Outcome::Held, asked),
+            (Ok(c), _) => (Some(c), CondensationOutcome::AsAsked, asked),
+            (Err(NotDefinite), TangentKind::Stabilised) => (None, CondensationOutcome::Held, asked),
             (Err(NotDefinite), TangentKind::Exact) => match with(TangentKind::Stabilised) {
-                Ok(c) => (Some(c), Outcome::Stabilised, TangentKind::Stabilised),
-                Err(NotDefinite) => (None, Outcome::Held, asked),
+                Ok(c) => (Some(c), CondensationOutcome::Stabilised, TangentKind::Stabilised),
+                Err(NotDefinite) => (None, CondensationOutcome::Held, asked),
             },
         };
         let condensed = Condensed { stiffness, outcome, tangent, size: plan.size() };
         self.counts.models += 1;
         match outcome {
-            Outcome::AsAsked => {}
-            Outcome::Stabilised => self.counts.stabilised += 1,
-            Outcome::Held => self.counts.held += 1,
+            CondensationOutcome::AsAsked => {}
+            CondensationOutcome::Stabilised => self.counts.stabilised += 1,
+            CondensationOutcome::Held => self.counts.held += 1,
         }
         self.counts.indefinite += u64::from(condensed.is_indefinite(patch, x));
         self.plan = Some(plan);

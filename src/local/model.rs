@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use super::condensation::{Condensation, CondensationCounts, Condensed, CondensedSize, Condenser, Outcome};
+use super::condensation::{Condensation, CondensationCounts, CondensationOutcome, Condensed, CondensedSize, Condenser};
 use super::error::ModelError;
 use super::linearization::LinearForces;
 use super::patch::{Extent, OUTSIDE, Patch, PatchSelector};
@@ -129,7 +129,7 @@ pub struct LocalModel {
     pub step: Option<LinearStep>,
     external: Vec<ExternalForce>,
     /// What became of a condensed exterior, and what it took.
-    pub condensation: Option<(Outcome, CondensedSize)>,
+    pub condensation: Option<(CondensationOutcome, CondensedSize)>,
 }
 
 #[derive(Debug, Clone)]

@@ -1,4 +1,4 @@
-//! The energy book of a run: what the instrument put in, what is stored, what was dissipated.
+//! The energy balance of a run: what the instrument put in, what is stored, what was dissipated.
 
 use crate::Vec3;
 use crate::contact::law::Mode;
@@ -7,33 +7,33 @@ use crate::contact::simulation::LocalSimulation;
 
 /// Energies of the local model's nodes and springs, and what has flowed so far, J.
 ///
-/// The geometric scheme moves nodes without work, so its book does not close: [`residual`] says by
+/// The geometric scheme moves nodes without work, so its energy balance does not close: [`residual`] says by
 /// how much. Changes of the stored energy are counted within ticks; what a hand-over changes by
 /// exchanging the model is left out.
 ///
-/// [`residual`]: EnergyBook::residual
+/// [`residual`]: EnergyBalance::residual
 ///
 /// ```
-/// use stickslip::{Vec3, contact::rules::Scheme, multirate::energy::EnergyBook, pipeline::Simulation, scene::Scene};
+/// use stickslip::{Vec3, contact::rules::Scheme, multirate::energy::EnergyBalance, pipeline::Simulation, scene::Scene};
 ///
 /// let mut scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
-/// scene.contact.scheme = Scheme::Velocity; // the scheme that keeps the book
+/// scene.contact.scheme = Scheme::Velocity; // the scheme whose energy balance closes
 /// let mut local = Simulation::prepare(&scene)?.into_sides().servo.into_local();
-/// let mut book = EnergyBook::new(0.0);
-/// book.take_stock(&local);
+/// let mut balance = EnergyBalance::new(0.0);
+/// balance.take_stock(&local);
 /// let mut tip = Vec3::new(-0.03, 0.0013, 0.0005);
 /// for _ in 0..100 {
 ///     let next = tip - Vec3::z() * 1e-5; // 10 mm/s
 ///     let report = local.tick(tip, next);
-///     book.book(&local, &report, tip, next, scene.tick_s());
+///     balance.add_tick(&local, &report, tip, next, scene.tick_s());
 ///     tip = next;
 /// }
-/// assert!(book.work > 0.0 && book.elastic > 0.0 && book.damping_loss > 0.0);
-/// assert!(book.residual().abs() < 0.05 * book.absolute_work);
+/// assert!(balance.work > 0.0 && balance.elastic > 0.0 && balance.damping_loss > 0.0);
+/// assert!(balance.residual().abs() < 0.05 * balance.absolute_work);
 /// # Ok::<(), stickslip::scene::SceneError>(())
 /// ```
 #[derive(Debug, Clone, Copy, Default)]
-pub struct EnergyBook {
+pub struct EnergyBalance {
     /// ½ Σ m v².
     pub kinetic: f64,
     /// ½ Σ k(ℓ − L)².
@@ -58,8 +58,8 @@ pub struct EnergyBook {
     ground: f64,
 }
 
-impl EnergyBook {
-    /// An empty book; `ground` is the potential energy of fixed nodes that are to be counted in, J.
+impl EnergyBalance {
+    /// An empty balance; `ground` is the potential energy of fixed nodes that are to be counted in, J.
     pub fn new(ground: f64) -> Self {
         Self { ground, ..Self::default() }
     }
@@ -73,12 +73,12 @@ impl EnergyBook {
         self.power = model.dissipated_power(&state.x, &state.v);
     }
 
-    /// Books a tick of length `step`, s, that has just been done.
-    pub fn book(&mut self, local: &LocalSimulation, report: &TickReport, q0: Vec3, q1: Vec3, step: f64) {
+    /// Adds a tick of `tick_s` seconds that has just been done.
+    pub fn add_tick(&mut self, local: &LocalSimulation, report: &TickReport, q0: Vec3, q1: Vec3, tick_s: f64) {
         let (before, power_before) = (self.total(), self.power);
         self.take_stock(local);
         self.stored += self.total() - before;
-        self.damping_loss += 0.5 * (power_before + self.power) * step;
+        self.damping_loss += 0.5 * (power_before + self.power) * tick_s;
         self.impact_loss += local.impact_loss();
         let work = -report.force.dot(&(q1 - q0));
         self.work += work;

@@ -18,7 +18,7 @@ const RUNAWAY_DIAGONALS: f64 = 10.0;
 
 /// What went wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
-pub enum Cause {
+pub enum FaultCause {
     /// The force to be commanded is NaN or infinite.
     #[error("the contact force is not finite")]
     ForceNotFinite,
@@ -62,7 +62,7 @@ pub struct Fault {
     /// The tick that was being done.
     pub tick: u64,
     /// Why.
-    pub cause: Cause,
+    pub cause: FaultCause,
     /// Its mode.
     pub mode: &'static str,
     /// The force it would have commanded, N.
@@ -76,7 +76,7 @@ pub struct Fault {
 /// How far nodes may go from their rest places.
 ///
 /// ```
-/// use stickslip::multirate::failsafe::{Bounds, Cause};
+/// use stickslip::multirate::failsafe::{Bounds, FaultCause};
 /// use stickslip::{Vec3, model::state::State};
 ///
 /// let rest = [Vec3::zeros(), Vec3::x() * 0.1]; // a diagonal of 0.1 m
@@ -84,9 +84,9 @@ pub struct Fault {
 /// let mut state = State { x: rest.to_vec(), v: vec![Vec3::zeros(); 2] };
 /// assert_eq!(bounds.network_cause(&rest, &state), None);
 /// state.x[1].x = 1.2;
-/// assert!(matches!(bounds.network_cause(&rest, &state), Some(Cause::Runaway { node: 1, .. })));
+/// assert!(matches!(bounds.network_cause(&rest, &state), Some(FaultCause::Runaway { node: 1, .. })));
 /// state.v[0].z = f64::NAN;
-/// assert_eq!(bounds.network_cause(&rest, &state), Some(Cause::StateNotFinite { node: 0 }));
+/// assert_eq!(bounds.network_cause(&rest, &state), Some(FaultCause::StateNotFinite { node: 0 }));
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
@@ -102,18 +102,18 @@ impl Bounds {
     }
 
     /// What is wrong with a network at a boundary: the exterior moves only there, so every node is looked at.
-    pub fn network_cause(self, rest: &[Vec3], state: &State) -> Option<Cause> {
+    pub fn network_cause(self, rest: &[Vec3], state: &State) -> Option<FaultCause> {
         let mut nodes = (0..).zip(rest).zip(state.x.iter().zip(&state.v));
         nodes.find_map(|((node, rest), (x, v))| self.node_cause(node, rest, x, v))
     }
 
     /// What is wrong with a tick.
-    fn tick_cause(self, local: &LocalSimulation, report: &TickReport) -> Option<Cause> {
+    fn tick_cause(self, local: &LocalSimulation, report: &TickReport) -> Option<FaultCause> {
         if let Some(fault) = local.renderer_fault() {
-            return Some(Cause::Renderer(fault));
+            return Some(FaultCause::Renderer(fault));
         }
         if !report.force.norm().is_finite() {
-            return Some(Cause::ForceNotFinite);
+            return Some(FaultCause::ForceNotFinite);
         }
         let patch = &local.model().patch;
         let state = local.state();
@@ -121,12 +121,12 @@ impl Bounds {
         nodes.find_map(|((&node, rest), (x, v))| self.node_cause(node, rest, x, v))
     }
 
-    fn node_cause(self, node: u32, rest: &Vec3, x: &Vec3, v: &Vec3) -> Option<Cause> {
+    fn node_cause(self, node: u32, rest: &Vec3, x: &Vec3, v: &Vec3) -> Option<FaultCause> {
         let distance_m = (x - rest).norm();
         if !(distance_m.is_finite() && v.iter().all(|v| v.is_finite())) {
-            Some(Cause::StateNotFinite { node })
+            Some(FaultCause::StateNotFinite { node })
         } else if distance_m > self.runaway_m {
-            Some(Cause::Runaway { node, distance_m, limit_m: self.runaway_m })
+            Some(FaultCause::Runaway { node, distance_m, limit_m: self.runaway_m })
         } else {
             None
         }
@@ -136,7 +136,7 @@ impl Bounds {
 /// Checks every tick; once it has found a fault it commands zero for good.
 ///
 /// ```
-/// use stickslip::multirate::failsafe::{Bounds, Cause, FailSafe};
+/// use stickslip::multirate::failsafe::{Bounds, FaultCause, FailSafe};
 /// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
 ///
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
@@ -150,10 +150,10 @@ impl Bounds {
 /// assert_eq!(fail_safe.command(0, tip, &local, &report), Ok(Vec3::zeros()));
 /// report.force.x = f64::NAN;
 /// let fault = fail_safe.command(1, tip, &local, &report).expect_err("NaN must not reach a device");
-/// assert_eq!((fault.tick, fault.cause), (1, Cause::ForceNotFinite));
+/// assert_eq!((fault.tick, fault.cause), (1, FaultCause::ForceNotFinite));
 /// report.force.x = 0.0;
 /// assert_eq!(fail_safe.command(2, tip, &local, &report).map_err(|fault| fault.tick), Err(1)); // for good
-/// assert_eq!(fail_safe.latch(3, tip, Cause::StateNotFinite { node: 0 }).tick, 1); // the first is told
+/// assert_eq!(fail_safe.latch(3, tip, FaultCause::StateNotFinite { node: 0 }).tick, 1); // the first is told
 /// # Ok::<(), stickslip::scene::SceneError>(())
 /// ```
 #[derive(Debug, Clone, Copy)]
@@ -193,7 +193,7 @@ impl FailSafe {
     }
 
     /// A fault that shows outside of ticks: at a boundary.
-    pub fn latch(&mut self, tick: u64, tip: Vec3, cause: Cause) -> Fault {
+    pub fn latch(&mut self, tick: u64, tip: Vec3, cause: FaultCause) -> Fault {
         let fault = Fault { tick, cause, mode: Mode::Free.name(), force: Vec3::zeros(), tip, model_age: 0 };
         *self.latched.get_or_insert(fault)
     }

@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use thiserror::Error;
 
-use super::failsafe::{Bounds, Cause};
+use super::failsafe::{Bounds, FaultCause};
 use super::messages::{CycleMessage, ModelMessage};
-use super::trajectory::{Keep, Pushed, Replayed, Trajectory};
+use super::trajectory::{PathRecording, PrescribedPatch, Pushed, Trajectory};
 use crate::Vec3;
 use crate::contact::renderer::{Body, BodyState, Renderer, RendererFault, RendererModel};
 use crate::contact::rules::RIGID_BELOW;
@@ -95,7 +95,7 @@ pub enum BuildError {
 /// The global side: the network, its state, and the builder of local models.
 ///
 /// ```
-/// use stickslip::{multirate::messages::{CycleMessage, ModelMessage}, multirate::trajectory::{Keep, Trajectory}};
+/// use stickslip::{multirate::messages::{CycleMessage, ModelMessage}, multirate::trajectory::{PathRecording, Trajectory}};
 /// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
 ///
 /// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
@@ -103,7 +103,7 @@ pub enum BuildError {
 /// let (mut global, mut local) = (sides.global.into_simulation(), sides.servo.into_local());
 /// // One cycle: the tip goes 1 mm into the block.
 /// let mut tip = Vec3::new(-0.03, 0.0013, 0.0);
-/// let mut trajectory = Trajectory::new(Keep::Path);
+/// let mut trajectory = Trajectory::new(PathRecording::EveryTick);
 /// trajectory.begin(local.model(), local.state(), 0, 100);
 /// for _ in 0..100 {
 ///     let next = tip - Vec3::z() * 1e-5;
@@ -211,15 +211,17 @@ impl GlobalSimulation {
 
     fn replay(&mut self, trajectory: &Trajectory) {
         let CycleSettings { ticks_per_cycle: ticks, substeps, .. } = self.settings;
-        match trajectory.keeps() {
-            Keep::Path => self.integrate(|substep| Replayed { trajectory, substep, ticks, substeps }),
-            Keep::Push => {
+        match trajectory.recording() {
+            PathRecording::EveryTick => {
+                self.integrate(|substep| PrescribedPatch { trajectory, substep, ticks, substeps })
+            }
+            PathRecording::Forces => {
                 let (surface, network) = (self.builder.surface().clone(), self.network.clone());
                 let pushed =
                     |substep| Pushed::new(trajectory, &surface, &network.inverse_mass, substep, ticks, substeps);
                 self.integrate(pushed);
             }
-            Keep::End => {}
+            PathRecording::LastTick => {}
         }
         trajectory.finish(&mut self.state);
     }
@@ -319,7 +321,7 @@ impl GlobalSide {
         &mut self,
         passed: impl IntoIterator<Item = CycleMessage>,
         mark: &mut impl FnMut(Moment),
-    ) -> Result<ModelMessage, Cause> {
+    ) -> Result<ModelMessage, FaultCause> {
         let mut tip = Vec3::zeros();
         mark(Moment::CycleBegins);
         let caught_up = passed.into_iter().try_for_each(|message| {
@@ -333,8 +335,8 @@ impl GlobalSide {
         match self.bounds.network_cause(&self.network.rest, self.simulation.state()) {
             Some(cause) => Err(cause),
             None => model.map_err(|error| match error {
-                BuildError::Model(error) => Cause::NoModel(error),
-                BuildError::Renderer(fault) => Cause::Renderer(fault),
+                BuildError::Model(error) => FaultCause::NoModel(error),
+                BuildError::Renderer(fault) => FaultCause::Renderer(fault),
             }),
         }
     }

@@ -7,39 +7,39 @@ use crate::contact::simulation::LocalSimulation;
 use crate::device::coupled::{CoupledPhantom, DeviceView};
 use crate::device::coupling::HandOverSmoothing;
 use crate::device::instrument::{InstrumentInUse, SenseError};
-use crate::multirate::failsafe::{Cause, FailSafe, Fault};
+use crate::multirate::failsafe::{FailSafe, Fault, FaultCause};
 use crate::multirate::messages::ModelMessage;
-use crate::multirate::timeline::{Fate, OverrunPolicy};
+use crate::multirate::timeline::{DeadlineOutcome, OverrunPolicy};
 
 /// The local side with its instrument.
 ///
 /// ```
-/// use stickslip::multirate::failsafe::Cause;
-/// use stickslip::multirate::timeline::{Fate, OverrunPolicy};
+/// use stickslip::multirate::failsafe::FaultCause;
+/// use stickslip::multirate::timeline::{DeadlineOutcome, OverrunPolicy};
 /// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
 ///
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
 /// let mut servo = Simulation::prepare(&scene)?.into_sides().servo;
 /// for _ in 0..149 {
-///     servo.tick(Fate::OnTime)?;
+///     servo.tick(DeadlineOutcome::OnTime)?;
 /// }
-/// let pressing = servo.tick(Fate::OnTime)?;
+/// let pressing = servo.tick(DeadlineOutcome::OnTime)?;
 /// assert!(pressing.force.z > 0.0 && pressing.tip == servo.tip());
 /// // A late force is thrown away under `hold`; under `zero` there is none.
-/// let held = servo.tick(Fate::Late(OverrunPolicy::Hold))?;
+/// let held = servo.tick(DeadlineOutcome::Late(OverrunPolicy::Hold))?;
 /// assert!(held.force == pressing.force && held.report.force != held.force);
-/// assert_eq!(servo.tick(Fate::Late(OverrunPolicy::Zero))?.force, Vec3::zeros());
+/// assert_eq!(servo.tick(DeadlineOutcome::Late(OverrunPolicy::Zero))?.force, Vec3::zeros());
 /// // In a tick that is left out the tip moves on, but the mesh has not seen it.
-/// let skipped = servo.tick(Fate::Skipped)?;
+/// let skipped = servo.tick(DeadlineOutcome::Skipped)?;
 /// assert!(skipped.tip.z < servo.tip().z && servo.next_tick() == 153);
 ///
 /// // A tick in its three parts, for a loop that sleeps between the first and the second.
 /// let tip = servo.sense()?;
 /// let report = servo.compute(tip)?;
-/// assert_eq!(servo.conclude(tip, report, Fate::OnTime).force, report.force);
+/// assert_eq!(servo.conclude(tip, report, DeadlineOutcome::OnTime).force, report.force);
 ///
-/// let fault = servo.latch(Cause::StateNotFinite { node: 0 });
-/// assert_eq!(servo.tick(Fate::OnTime).map(|done| done.force), Err(fault)); // for good
+/// let fault = servo.latch(FaultCause::StateNotFinite { node: 0 });
+/// assert_eq!(servo.tick(DeadlineOutcome::OnTime).map(|done| done.force), Err(fault)); // for good
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone)]
@@ -49,7 +49,7 @@ pub struct Servo {
     smoothing: HandOverSmoothing,
     failsafe: FailSafe,
     /// h, s.
-    step: f64,
+    tick_s: f64,
     /// Counted from 0: the tick that comes next.
     tick: u64,
     /// Where the tip was at the end of the last tick that was computed, m.
@@ -57,7 +57,7 @@ pub struct Servo {
     /// What that tick did.
     report: TickReport,
     /// Its contact force, smoothed, N.
-    felt: Vec3,
+    contact_force: Vec3,
     /// The force that the instrument was last commanded, N.
     commanded: Vec3,
     /// A contact force that was too late for its tick and goes out before the next one that is computed, N.
@@ -86,7 +86,7 @@ pub struct ServoTick {
     /// Age of the model that did it, ticks.
     pub model_age: u64,
     /// Whether it met its deadline.
-    pub fate: Fate,
+    pub deadline_outcome: DeadlineOutcome,
     /// The device at its end, if there is one.
     pub device: Option<DeviceView>,
 }
@@ -98,7 +98,7 @@ impl Servo {
         instrument: InstrumentInUse,
         smoothing: HandOverSmoothing,
         failsafe: FailSafe,
-        step: f64,
+        tick_s: f64,
     ) -> Self {
         Self {
             tip: instrument.start(),
@@ -106,10 +106,10 @@ impl Servo {
             instrument,
             smoothing,
             failsafe,
-            step,
+            tick_s,
             tick: 0,
             report: TickReport::none(),
-            felt: Vec3::zeros(),
+            contact_force: Vec3::zeros(),
             commanded: Vec3::zeros(),
             overdue: None,
             model_since: 0,
@@ -159,22 +159,22 @@ impl Servo {
     }
 
     /// Something went wrong outside of ticks: zero is commanded from here on.
-    pub fn latch(&mut self, cause: Cause) -> Fault {
+    pub fn latch(&mut self, cause: FaultCause) -> Fault {
         self.instrument.release();
         self.failsafe.latch(self.tick, self.tip, cause)
     }
 
-    /// One tick, whose fate is known.
+    /// One tick, whose deadline_outcome is known.
     ///
     /// # Errors
     /// With the fault that the fail-safe found; zero is commanded then.
-    pub fn tick(&mut self, fate: Fate) -> Result<ServoTick, Fault> {
-        if fate == Fate::Skipped {
+    pub fn tick(&mut self, deadline_outcome: DeadlineOutcome) -> Result<ServoTick, Fault> {
+        if deadline_outcome == DeadlineOutcome::Skipped {
             return self.skip();
         }
         let tip = self.sense()?;
         let report = self.compute(tip)?;
-        Ok(self.conclude(tip, report, fate))
+        Ok(self.conclude(tip, report, deadline_outcome))
     }
 
     /// Moves the instrument to the end of the tick under the last command: the tip there, m.
@@ -189,11 +189,11 @@ impl Servo {
     }
 
     fn move_instrument(&mut self) -> Result<Vec3, Fault> {
-        let [begin, end] = [self.tick, self.tick + 1].map(|tick| tick as f64 * self.step);
-        self.instrument.sense(begin, end, &self.felt).map_err(|error| {
+        let [begin, end] = [self.tick, self.tick + 1].map(|tick| tick as f64 * self.tick_s);
+        self.instrument.sense(begin, end, &self.contact_force).map_err(|error| {
             self.latch(match error {
-                SenseError::Device(error) => Cause::Device(error),
-                SenseError::Own(fault) => Cause::Instrument(fault),
+                SenseError::Device(error) => FaultCause::Device(error),
+                SenseError::Own(fault) => FaultCause::Instrument(fault),
             })
         })
     }
@@ -215,21 +215,21 @@ impl Servo {
 
     /// Commands what a computed tick found, smoothed after a hand-over, if it was on time, or what its policy says. What
     /// lies between contact and device works where a command goes out.
-    pub fn conclude(&mut self, tip: Vec3, report: TickReport, fate: Fate) -> ServoTick {
+    pub fn conclude(&mut self, tip: Vec3, report: TickReport, deadline_outcome: DeadlineOutcome) -> ServoTick {
         let tip_before = std::mem::replace(&mut self.tip, tip);
         self.report = report;
-        self.felt = self.smoothing.command(&report.force, std::mem::take(&mut self.is_new_model));
-        match fate {
-            Fate::OnTime => self.commanded = self.instrument.command(&self.felt),
-            Fate::Late(OverrunPolicy::Zero) => {
+        self.contact_force = self.smoothing.command(&report.force, std::mem::take(&mut self.is_new_model));
+        match deadline_outcome {
+            DeadlineOutcome::OnTime => self.commanded = self.instrument.command(&self.contact_force),
+            DeadlineOutcome::Late(OverrunPolicy::Zero) => {
                 self.instrument.release();
                 self.commanded = Vec3::zeros();
             }
-            Fate::Late(OverrunPolicy::Skip) => self.overdue = Some(self.felt),
+            DeadlineOutcome::Late(OverrunPolicy::Skip) => self.overdue = Some(self.contact_force),
             // What was commanded last stays.
-            Fate::Late(OverrunPolicy::Hold) | Fate::Skipped => {}
+            DeadlineOutcome::Late(OverrunPolicy::Hold) | DeadlineOutcome::Skipped => {}
         }
-        self.end(tip_before, tip, fate)
+        self.end(tip_before, tip, deadline_outcome)
     }
 
     /// A tick in which nothing is computed: the instrument moves on under the last command, the mesh stands still.
@@ -238,21 +238,21 @@ impl Servo {
     /// As [`sense`](Self::sense).
     pub fn skip(&mut self) -> Result<ServoTick, Fault> {
         let tip = self.move_instrument()?;
-        Ok(self.end(self.tip, tip, Fate::Skipped))
+        Ok(self.end(self.tip, tip, DeadlineOutcome::Skipped))
     }
 
-    fn end(&mut self, tip_before: Vec3, tip: Vec3, fate: Fate) -> ServoTick {
+    fn end(&mut self, tip_before: Vec3, tip: Vec3, deadline_outcome: DeadlineOutcome) -> ServoTick {
         let tick = self.tick;
         self.tick += 1;
         ServoTick {
             tick,
-            time: self.tick as f64 * self.step,
+            time: self.tick as f64 * self.tick_s,
             tip_before,
             tip,
             force: self.commanded,
             report: self.report,
             model_age: tick - self.model_since,
-            fate,
+            deadline_outcome,
             device: self.instrument.device().map(CoupledPhantom::view),
         }
     }

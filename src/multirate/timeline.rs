@@ -23,7 +23,7 @@ words!(OverrunPolicy { Hold = "hold", Zero = "zero", Skip = "skip" });
 
 /// Whether a tick met its deadline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Fate {
+pub enum DeadlineOutcome {
     /// Its force was there.
     OnTime,
     /// It was not.
@@ -32,13 +32,13 @@ pub enum Fate {
     Skipped,
 }
 
-impl Fate {
+impl DeadlineOutcome {
     /// As the trace writes it.
     pub fn name(self) -> &'static str {
         match self {
-            Fate::OnTime => "on-time",
-            Fate::Late(_) => "late",
-            Fate::Skipped => "skipped",
+            DeadlineOutcome::OnTime => "on-time",
+            DeadlineOutcome::Late(_) => "late",
+            DeadlineOutcome::Skipped => "skipped",
         }
     }
 }
@@ -46,14 +46,14 @@ impl Fate {
 /// How long something takes to compute, s.
 ///
 /// ```
-/// use stickslip::multirate::timeline::{Cost, Costs, Deadline, DrawnTimes, Fate, OverrunPolicy, Timeline};
+/// use stickslip::multirate::timeline::{Cost, Costs, Deadline, DrawnTimes, DeadlineOutcome, OverrunPolicy, Timeline};
 ///
 /// // A deadline at the 99th percentile: one tick in a hundred misses it.
 /// let tick = Cost::LogNormal { median: 5e-5, p99: 1e-3 };
 /// let costs = Costs { tick, model: Cost::Constant(0.0), seed: 1 };
 /// let deadline = Deadline { after: 1e-3, overrun: OverrunPolicy::Hold };
 /// let mut drawn = Timeline::Drawn(Box::new(DrawnTimes::new(costs, deadline, 1e-3, 100, 0)));
-/// let late = (0..10_000).filter(|&tick| drawn.fate(tick) != Fate::OnTime).count();
+/// let late = (0..10_000).filter(|&tick| drawn.deadline_outcome(tick) != DeadlineOutcome::OnTime).count();
 /// assert!((60..140).contains(&late), "{late}"); // 100 ± 4 standard deviations
 /// ```
 #[derive(Debug, Clone, PartialEq)]
@@ -120,7 +120,7 @@ pub struct RecordedTimes {
     pub skipped: Vec<u64>,
 }
 
-/// Decides the fate of every tick and the arrival of every model.
+/// Decides the deadline_outcome of every tick and the arrival of every model.
 ///
 /// ```
 /// use stickslip::multirate::timeline::{Arrival, Cost, Costs, Deadline, DrawnTimes, OverrunPolicy, RecordedTimes, Timeline};
@@ -132,14 +132,14 @@ pub struct RecordedTimes {
 /// let costs = Costs { tick, model: Cost::Constant(0.03), seed: 0 };
 /// let deadline = Deadline { after: 1e-3, overrun };
 /// let mut drawn = Timeline::Drawn(Box::new(DrawnTimes::new(costs, deadline, 1e-3, 100, 0)));
-/// let fates: Vec<&str> = (0..5).map(|tick| drawn.fate(tick).name()).collect();
-/// assert_eq!(fates, ["on-time", "late", "skipped", "skipped", "on-time"]);
+/// let outcomes: Vec<&str> = (0..5).map(|tick| drawn.deadline_outcome(tick).name()).collect();
+/// assert_eq!(outcomes, ["on-time", "late", "skipped", "skipped", "on-time"]);
 /// assert_eq!(drawn.model_due(100), Some(130));
 ///
 /// // The same once more, from what was written down of it.
 /// let times = RecordedTimes { arrivals: vec![Arrival { from: 100, at: 130 }], late: vec![1], skipped: vec![2, 3] };
 /// let mut recorded = Timeline::Recorded { times, overrun };
-/// assert!((0..5).all(|tick| recorded.fate(tick).name() == fates[tick as usize]));
+/// assert!((0..5).all(|tick| recorded.deadline_outcome(tick).name() == outcomes[tick as usize]));
 /// assert_eq!((recorded.model_due(100), recorded.model_due(200)), (Some(130), None));
 /// assert_eq!(Timeline::Ideal { latency: 7 }.model_due(100), Some(107));
 /// ```
@@ -174,18 +174,18 @@ impl Timeline {
         }
     }
 
-    /// The fate of a tick. Ticks ascend.
-    pub fn fate(&mut self, tick: u64) -> Fate {
+    /// The deadline_outcome of a tick. Ticks ascend.
+    pub fn deadline_outcome(&mut self, tick: u64) -> DeadlineOutcome {
         match self {
-            Timeline::Ideal { .. } => Fate::OnTime,
-            Timeline::Drawn(drawn) => drawn.fate(tick),
+            Timeline::Ideal { .. } => DeadlineOutcome::OnTime,
+            Timeline::Drawn(drawn) => drawn.deadline_outcome(tick),
             Timeline::Recorded { times, overrun } => {
                 if times.skipped.binary_search(&tick).is_ok() {
-                    Fate::Skipped
+                    DeadlineOutcome::Skipped
                 } else if times.late.binary_search(&tick).is_ok() {
-                    Fate::Late(*overrun)
+                    DeadlineOutcome::Late(*overrun)
                 } else {
-                    Fate::OnTime
+                    DeadlineOutcome::OnTime
                 }
             }
         }
@@ -198,7 +198,7 @@ pub struct DrawnTimes {
     costs: Costs,
     deadline: Deadline,
     /// h, s.
-    step: f64,
+    tick_s: f64,
     ticks_per_cycle: u64,
     latency: u64,
     ticks: Draws,
@@ -210,25 +210,25 @@ pub struct DrawnTimes {
 }
 
 impl DrawnTimes {
-    /// For ticks of `step` seconds.
-    pub fn new(costs: Costs, deadline: Deadline, step: f64, ticks_per_cycle: u64, latency: u64) -> Self {
+    /// For ticks of `tick_s` seconds.
+    pub fn new(costs: Costs, deadline: Deadline, tick_s: f64, ticks_per_cycle: u64, latency: u64) -> Self {
         let (ticks, models) = (Draws::new(costs.seed, 0), Draws::new(costs.seed, 1));
-        Self { costs, deadline, step, ticks_per_cycle, latency, ticks, models, next_release: 0, idle_from: 0.0 }
+        Self { costs, deadline, tick_s, ticks_per_cycle, latency, ticks, models, next_release: 0, idle_from: 0.0 }
     }
 
-    fn fate(&mut self, tick: u64) -> Fate {
+    fn deadline_outcome(&mut self, tick: u64) -> DeadlineOutcome {
         let Deadline { after, overrun } = self.deadline;
         if tick < self.next_release {
-            return Fate::Skipped;
+            return DeadlineOutcome::Skipped;
         }
         let cost = self.ticks.draw(&self.costs.tick);
         if cost <= after {
-            return Fate::OnTime;
+            return DeadlineOutcome::OnTime;
         }
         if overrun == OverrunPolicy::Skip {
-            self.next_release = tick + whole_ticks(cost / self.step).max(1);
+            self.next_release = tick + whole_ticks(cost / self.tick_s).max(1);
         }
-        Fate::Late(overrun)
+        DeadlineOutcome::Late(overrun)
     }
 
     fn model_due(&mut self, boundary: u64) -> Option<u64> {
@@ -237,7 +237,7 @@ impl DrawnTimes {
         if start >= (boundary + self.ticks_per_cycle) as f64 {
             return None;
         }
-        self.idle_from = start + self.models.draw(&self.costs.model) / self.step;
+        self.idle_from = start + self.models.draw(&self.costs.model) / self.tick_s;
         Some(whole_ticks(self.idle_from) + self.latency)
     }
 }

@@ -9,7 +9,7 @@ use crate::surface::geometry::{ContactPoint, SurfaceModel};
 /// The path of the patch through one cycle: a segment for each model that was in use.
 ///
 /// ```
-/// use stickslip::{multirate::messages::CycleMessage, multirate::trajectory::{Keep, Trajectory}};
+/// use stickslip::{multirate::messages::CycleMessage, multirate::trajectory::{PathRecording, Trajectory}};
 /// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
 ///
 /// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
@@ -17,7 +17,7 @@ use crate::surface::geometry::{ContactPoint, SurfaceModel};
 /// // A node of the block's top goes down by 1 mm in the cycle's 100 ticks.
 /// let (node, speed) = (300, -Vec3::z() * 0.01);
 /// let start = global.state().x[node as usize];
-/// let mut trajectory = Trajectory::new(Keep::Path);
+/// let mut trajectory = Trajectory::new(PathRecording::EveryTick);
 /// trajectory.begin_at(&[node], &[start], &[speed], 0, 100);
 /// for tick in 1..=100 {
 ///     trajectory.record_at(&[start + speed * (f64::from(tick) * scene.tick_s())], &[speed]);
@@ -30,7 +30,7 @@ use crate::surface::geometry::{ContactPoint, SurfaceModel};
 /// ```
 #[derive(Debug, Clone)]
 pub struct Trajectory {
-    keep: Keep,
+    recording: PathRecording,
     segments: Vec<Segment>,
     /// What a renderer of one's own did in each tick, where the network is pushed by its force.
     pushes: Vec<Option<Push>>,
@@ -46,13 +46,13 @@ struct Push {
 
 /// How much of the path the global side needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Keep {
+pub enum PathRecording {
     /// Every tick.
-    Path,
+    EveryTick,
     /// The force of every tick on the network, at its contact point: a renderer of one's own moves no nodes.
-    Push,
+    Forces,
     /// The last tick: with nothing to replay, the path is not recorded.
-    End,
+    LastTick,
 }
 
 #[derive(Debug, Clone)]
@@ -66,13 +66,13 @@ struct Segment {
 
 impl Trajectory {
     /// An empty path.
-    pub fn new(keep: Keep) -> Self {
-        Self { keep, segments: Vec::new(), pushes: Vec::new() }
+    pub fn new(recording: PathRecording) -> Self {
+        Self { recording, segments: Vec::new(), pushes: Vec::new() }
     }
 
     /// How much of the path is kept.
-    pub fn keeps(&self) -> Keep {
-        self.keep
+    pub fn recording(&self) -> PathRecording {
+        self.recording
     }
 
     /// A model comes into use at the start of tick `tick` of the cycle, for at most `ticks` ticks.
@@ -83,11 +83,11 @@ impl Trajectory {
 
     /// The same for patch nodes whose positions and velocities are given.
     pub fn begin_at(&mut self, nodes: &[u32], x: &[Vec3], v: &[Vec3], tick: usize, ticks: usize) {
-        let samples = match self.keep {
-            Keep::Path => ticks + 1,
-            Keep::End | Keep::Push => 1,
+        let samples = match self.recording {
+            PathRecording::EveryTick => ticks + 1,
+            PathRecording::LastTick | PathRecording::Forces => 1,
         };
-        if self.keep == Keep::Push {
+        if self.recording == PathRecording::Forces {
             self.pushes.reserve(ticks);
         }
         let start = |values: &[Vec3]| {
@@ -108,7 +108,7 @@ impl Trajectory {
     /// with are not taken. Allocates nothing within the ticks that were announced.
     pub fn record_at(&mut self, x: &[Vec3], v: &[Vec3]) {
         if let Some(segment) = self.segments.last_mut().filter(|segment| segment.nodes.len() == x.len()) {
-            if self.keep == Keep::End {
+            if self.recording == PathRecording::LastTick {
                 segment.x.clear();
                 segment.v.clear();
             }
@@ -159,7 +159,7 @@ impl Trajectory {
 }
 
 /// The patch follows its recorded path.
-pub(super) struct Replayed<'a> {
+pub(super) struct PrescribedPatch<'a> {
     pub trajectory: &'a Trajectory,
     /// Counted from 0 in the cycle.
     pub substep: u32,
@@ -169,7 +169,7 @@ pub(super) struct Replayed<'a> {
     pub substeps: u32,
 }
 
-impl Replayed<'_> {
+impl PrescribedPatch<'_> {
     /// A time of the step, in ticks from the start of the cycle, and the tick it belongs to.
     fn time(&self, ahead: f64) -> (f64, usize) {
         // Product first: a substep that ends with a tick must come out as a whole number.
@@ -181,7 +181,7 @@ impl Replayed<'_> {
     }
 }
 
-impl Constraint for Replayed<'_> {
+impl Constraint for PrescribedPatch<'_> {
     fn nodes(&self, ahead: f64) -> &[u32] {
         self.trajectory.segment(self.time(ahead).1).map_or(&[], |segment| &segment.nodes)
     }

@@ -10,7 +10,7 @@ use crate::device::coupled::DeviceView;
 use crate::local::condensation::CondensationCounts;
 use crate::model::work::WorkCounts;
 use crate::multirate::failsafe::Fault;
-use crate::multirate::timeline::{Fate, OverrunPolicy};
+use crate::multirate::timeline::{DeadlineOutcome, OverrunPolicy};
 use crate::pipeline::TickView;
 use crate::scene::Scene;
 
@@ -88,13 +88,13 @@ struct Lateness {
 
 impl Lateness {
     fn take(&mut self, view: &TickView) {
-        let missed = match view.fate {
-            Fate::OnTime => false,
-            Fate::Late(_) => {
+        let missed = match view.deadline_outcome {
+            DeadlineOutcome::OnTime => false,
+            DeadlineOutcome::Late(_) => {
                 self.late_ticks += 1;
                 true
             }
-            Fate::Skipped => {
+            DeadlineOutcome::Skipped => {
                 self.skipped_ticks += 1;
                 true
             }
@@ -172,7 +172,7 @@ pub struct ModeTicks {
     pub slip: u64,
 }
 
-/// The energy book at the end of a run, J.
+/// The energy balance at the end of a run, J.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
 pub struct EnergySummary {
     /// What the instrument put in.
@@ -248,7 +248,7 @@ pub struct Summary {
     pub mode_switches_per_s: f64,
     /// Mean square of the force above 100 Hz, N².
     pub force_power_above_100_hz_n2: f64,
-    /// The energy book.
+    /// The energy balance.
     pub energy: EnergySummary,
     /// What was computed.
     pub work: WorkCounts,

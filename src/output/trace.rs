@@ -102,7 +102,7 @@ impl TraceRow {
             damping_loss: view.energy.damping_loss,
             friction_loss: view.energy.friction_loss,
             impact_loss: view.energy.impact_loss,
-            timing: view.has_deadlines.then(|| view.fate.name()),
+            timing: view.has_deadlines.then(|| view.deadline_outcome.name()),
             device_x: device(0),
             device_y: device(1),
             device_z: device(2),

@@ -8,10 +8,10 @@ use triple_buffer::{Input, Output, TripleBuffer};
 
 use crate::Vec3;
 use crate::contact::state::Contact;
-use crate::multirate::failsafe::Cause;
+use crate::multirate::failsafe::FaultCause;
 use crate::multirate::messages::{CycleMessage, ModelMessage};
 use crate::multirate::servo::Servo;
-use crate::multirate::trajectory::{Keep, Trajectory};
+use crate::multirate::trajectory::{PathRecording, Trajectory};
 
 /// Cycles of the patch's path that fit into the ring.
 const CYCLES_IN_RING: usize = 4;
@@ -25,7 +25,7 @@ struct Slot {
     pass: u32,
     /// The boundary it was built from.
     from: u64,
-    content: Option<Result<ModelMessage, Cause>>,
+    content: Option<Result<ModelMessage, FaultCause>>,
 }
 
 /// A note in the ring, followed by m positions and m velocities.
@@ -69,7 +69,7 @@ pub struct GlobalEnd {
     values: Consumer<Vec3>,
     models: Input<Slot>,
     ticks_per_cycle: u64,
-    keep: Keep,
+    recording: PathRecording,
     pass: u32,
     /// The nodes of every model that may still be in use, by the boundary it was built from.
     nodes: VecDeque<(u64, Vec<u32>)>,
@@ -78,21 +78,21 @@ pub struct GlobalEnd {
     v: Vec<Vec3>,
 }
 
-/// A pair of ends for cycles of so many ticks and a first model of these nodes. Without anything to keep, nothing goes up.
+/// A pair of ends for cycles of so many ticks and a first model of these nodes. Without anything to recording, nothing goes up.
 ///
 /// ```
-/// use stickslip::{multirate::timeline::Fate, pipeline::{Sides, Simulation}, realtime::channel::channel, scene::Scene};
+/// use stickslip::{multirate::timeline::DeadlineOutcome, pipeline::{Sides, Simulation}, realtime::channel::channel, scene::Scene};
 ///
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
 /// let simulation = Simulation::prepare(&scene)?;
-/// let keep = simulation.keeps();
+/// let recording = simulation.recording();
 /// let Sides { mut servo, mut global } = simulation.into_sides();
-/// let (mut servo_end, mut global_end) = channel(100, keep, &servo.local().model().patch.nodes);
+/// let (mut servo_end, mut global_end) = channel(100, recording, &servo.local().model().patch.nodes);
 ///
 /// // Up: the path of one cycle, tick by tick.
 /// servo_end.begin_pass(0, &servo);
 /// for _ in 0..100 {
-///     servo.tick(Fate::OnTime)?;
+///     servo.tick(DeadlineOutcome::OnTime)?;
 ///     servo_end.end_tick(&servo);
 /// }
 /// assert_eq!(global_end.pass_waiting(), Some(0));
@@ -107,7 +107,7 @@ pub struct GlobalEnd {
 /// assert_eq!(servo_end.take_model(&mut servo), Ok(None)); // once
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub fn channel(ticks_per_cycle: u64, keep: Option<Keep>, first_nodes: &[u32]) -> (ServoEnd, GlobalEnd) {
+pub fn channel(ticks_per_cycle: u64, recording: Option<PathRecording>, first_nodes: &[u32]) -> (ServoEnd, GlobalEnd) {
     // Every tick may also begin a segment.
     let records = 2 * CYCLES_IN_RING * ticks_per_cycle as usize;
     let (notes_up, notes) = RingBuffer::new(records);
@@ -120,19 +120,19 @@ pub fn channel(ticks_per_cycle: u64, keep: Option<Keep>, first_nodes: &[u32]) ->
         models: models_down,
         pass: 0,
         from: 0,
-        is_open: keep.is_some(),
+        is_open: recording.is_some(),
         lost: 0,
     };
-    let keep = keep.unwrap_or(Keep::End);
+    let recording = recording.unwrap_or(PathRecording::LastTick);
     let mut global = GlobalEnd {
         notes,
         values,
         models,
         ticks_per_cycle,
-        keep,
+        recording,
         pass: 0,
         nodes: VecDeque::new(),
-        trajectory: Trajectory::new(keep),
+        trajectory: Trajectory::new(recording),
         x: Vec::new(),
         v: Vec::new(),
     };
@@ -152,7 +152,7 @@ impl ServoEnd {
     ///
     /// # Errors
     /// With what went wrong on the global side, and the boundary at which it did.
-    pub fn take_model(&mut self, servo: &mut Servo) -> Result<Option<u64>, (u64, Cause)> {
+    pub fn take_model(&mut self, servo: &mut Servo) -> Result<Option<u64>, (u64, FaultCause)> {
         if !self.models.update() {
             return Ok(None);
         }
@@ -220,7 +220,7 @@ impl GlobalEnd {
         self.pass = pass;
         self.nodes.clear();
         self.nodes.push_back((0, nodes.to_vec()));
-        self.trajectory = Trajectory::new(self.keep);
+        self.trajectory = Trajectory::new(self.recording);
     }
 
     /// The pass of the oldest note that waits.
@@ -245,7 +245,7 @@ impl GlobalEnd {
                 Kind::Tick => {
                     self.trajectory.record_at(&self.x, &self.v);
                     if tick_in_cycle + 1 == self.ticks_per_cycle {
-                        let trajectory = std::mem::replace(&mut self.trajectory, Trajectory::new(self.keep));
+                        let trajectory = std::mem::replace(&mut self.trajectory, Trajectory::new(self.recording));
                         let message = CycleMessage { trajectory, contact: note.contact, tip: note.tip };
                         return Some((note.tick + 1, message));
                     }
@@ -256,7 +256,7 @@ impl GlobalEnd {
     }
 
     /// Sends a model down, or why there is none.
-    pub fn send(&mut self, from: u64, content: Result<ModelMessage, Cause>) {
+    pub fn send(&mut self, from: u64, content: Result<ModelMessage, FaultCause>) {
         if let Ok(message) = &content {
             self.nodes.push_back((from, message.model.patch.nodes.clone()));
             // One may be in use, one in each buffer.

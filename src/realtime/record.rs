@@ -108,7 +108,7 @@ pub fn loop_settings(scene: &Scene, simulation: &Simulation, control: bool) -> L
     LoopSettings {
         step: scene.tick_s(),
         ticks_per_cycle: u64::from(scene.ticks_per_cycle()),
-        keep: simulation.keeps(),
+        recording: simulation.recording(),
         deadline: scene.deadline,
         control,
     }
@@ -146,14 +146,14 @@ pub enum RecordError {
 ///
 /// ```
 /// use std::sync::atomic::AtomicBool;
-/// use stickslip::{realtime::record::record, scene::Scene, session::{Replayed, replay}};
+/// use stickslip::{realtime::record::record, scene::Scene, session::{ReplayOutcome, replay}};
 ///
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(40); // 40 ms
 /// let recorded = record(&scene, &AtomicBool::new(false))?;
 /// let (session, pass) = (&recorded.session, &recorded.session.passes[0]);
 /// assert_eq!((pass.ticks, recorded.summary.stopped), (40, false));
 /// // However it went on this machine, it went the same the second time.
-/// assert_eq!(replay(session.prepare(&scene, pass)?, pass, |_| ()), Replayed::Same { fault: None });
+/// assert_eq!(replay(session.prepare(&scene, pass)?, pass, |_| ()), ReplayOutcome::Same { fault: None });
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn record(scene: &Scene, stop: &AtomicBool) -> Result<Recorded, RecordError> {

@@ -14,10 +14,10 @@ use super::os::{self, Usage};
 use crate::multirate::failsafe::Fault;
 use crate::multirate::global::GlobalSide;
 use crate::multirate::servo::{Servo, ServoTick};
-use crate::multirate::timeline::{Arrival, Deadline, Fate, OverrunPolicy, RecordedTimes};
-use crate::multirate::trajectory::Keep;
+use crate::multirate::timeline::{Arrival, Deadline, DeadlineOutcome, OverrunPolicy, RecordedTimes};
+use crate::multirate::trajectory::PathRecording;
 use crate::pipeline::{Sides, Simulation};
-use crate::session::{Checksum, Taped};
+use crate::session::{Checksum, RecordedTick};
 
 /// Of the servo thread, among those of `SCHED_FIFO`: above ordinary interrupt threads, below the watchdogs.
 const PRIORITY: i32 = 80;
@@ -37,7 +37,7 @@ pub struct Pass {
     /// What happened to it.
     pub times: RecordedTimes,
     /// Tick by tick.
-    pub tape: Vec<Taped>,
+    pub tape: Vec<RecordedTick>,
     tapes: bool,
     /// Of every commanded force, in order.
     pub checksum: Checksum,
@@ -48,7 +48,7 @@ pub struct Pass {
 impl Pass {
     /// A pass of `ticks` ticks; with `tapes`, tip and force of every tick are kept.
     pub fn new(simulation: Simulation, ticks: u64, tapes: bool) -> Self {
-        let has_global = simulation.keeps().is_some();
+        let has_global = simulation.recording().is_some();
         let Sides { servo, global } = simulation.into_sides();
         let reserve = || Vec::with_capacity(ticks as usize);
         Self {
@@ -69,14 +69,14 @@ impl Pass {
     }
 
     fn end_tick(&mut self, done: &ServoTick) {
-        match done.fate {
-            Fate::OnTime => {}
-            Fate::Late(_) => self.times.late.push(done.tick),
-            Fate::Skipped => self.times.skipped.push(done.tick),
+        match done.deadline_outcome {
+            DeadlineOutcome::OnTime => {}
+            DeadlineOutcome::Late(_) => self.times.late.push(done.tick),
+            DeadlineOutcome::Skipped => self.times.skipped.push(done.tick),
         }
         self.checksum.add(done.force);
         if self.tapes {
-            self.tape.push(Taped::new(done.tip, done.force));
+            self.tape.push(RecordedTick::new(done.tip, done.force));
         }
     }
 }
@@ -89,7 +89,7 @@ pub struct LoopSettings {
     /// Ticks of a global cycle.
     pub ticks_per_cycle: u64,
     /// How much of the patch's path goes up; `None` if there are no cycles.
-    pub keep: Option<Keep>,
+    pub recording: Option<PathRecording>,
     /// Of every tick.
     pub deadline: Deadline,
     /// Whether a loop that does nothing is released half a tick after each tick.
@@ -220,7 +220,7 @@ pub fn serve(
     let deadline_ns = nanoseconds(settings.deadline.after);
     let mut meter = Meter::new(ticks, deadline_ns);
     let first_nodes = passes.first().ok_or(NotServed::NoPass)?.servo.local().model().patch.nodes.clone();
-    let (servo_end, global_end) = channel(settings.ticks_per_cycle, settings.keep, &first_nodes);
+    let (servo_end, global_end) = channel(settings.ticks_per_cycle, settings.recording, &first_nodes);
     let mut passes = passes;
     let sides: Vec<_> = passes.iter_mut().map(|pass| (pass.global.take(), pass.ticks)).collect();
     let first_patches: Vec<Vec<u32>> =
@@ -278,7 +278,7 @@ fn touch_stack() {
 /// Code, caches and branch predictors: ticks whose results nobody sees.
 fn warm(mut servo: Servo) {
     for _ in 0..WARM_UP_TICKS {
-        if servo.tick(Fate::OnTime).is_err() {
+        if servo.tick(DeadlineOutcome::OnTime).is_err() {
             break;
         }
     }
@@ -374,8 +374,9 @@ fn run_loop(
                 cpu_ns: os::thread_cpu_ns() - cpu,
             };
             let on_time = meter.tick(times, release - start);
-            let fate = if on_time { Fate::OnTime } else { Fate::Late(deadline.overrun) };
-            let done = pass.servo.conclude(tip, report, fate);
+            let deadline_outcome =
+                if on_time { DeadlineOutcome::OnTime } else { DeadlineOutcome::Late(deadline.overrun) };
+            let done = pass.servo.conclude(tip, report, deadline_outcome);
             end.end_tick(&pass.servo);
             pass.end_tick(&done);
             released += 1;

@@ -6,7 +6,7 @@ use miette::Diagnostic;
 use thiserror::Error;
 
 use super::baseline::{Acceptance, Baseline, BaselineError, Provenance};
-use super::compare::{Outcome, compare};
+use super::compare::{ComparisonOutcome, compare};
 use super::results::Results;
 use crate::scene::Scene;
 
@@ -62,7 +62,7 @@ pub fn accept(
         Err(error) => return Err(AcceptError::Baseline(error)),
         Ok(present) => {
             let changed = compare(&present, &provenance, &results);
-            let changed = changed.into_iter().filter(|comparison| comparison.outcome != Outcome::Identical);
+            let changed = changed.into_iter().filter(|comparison| comparison.outcome != ComparisonOutcome::Identical);
             let previous: BTreeMap<_, _> = changed.map(|c| (c.quantity, c.baseline)).collect();
             if previous.is_empty() {
                 return Ok(None);

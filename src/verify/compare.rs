@@ -16,7 +16,7 @@ pub const SCALED_TOLERANCE: f64 = 1e-9;
 
 /// How a quantity compares.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub enum Outcome {
+pub enum ComparisonOutcome {
     /// To the last bit.
     #[serde(rename = "identical")]
     Identical,
@@ -49,13 +49,13 @@ pub struct Comparison {
     /// what has no tick of its own, the first at which any is.
     pub first_tick: Option<u64>,
     /// The verdict.
-    pub outcome: Outcome,
+    pub outcome: ComparisonOutcome,
 }
 
 impl Comparison {
     fn exact(quantity: impl Into<String>, baseline: Value, now: Value) -> Self {
         let same = baseline == now && !now.is_null();
-        let outcome = if same { Outcome::Identical } else { Outcome::Fail };
+        let outcome = if same { ComparisonOutcome::Identical } else { ComparisonOutcome::Fail };
         let difference = match (baseline.as_f64(), now.as_f64()) {
             _ if same => 0.0,
             (Some(before), Some(now)) => now - before,
@@ -83,23 +83,23 @@ impl Comparison {
     }
 }
 
-fn judge(baseline: f64, now: f64, tolerance: f64) -> Outcome {
+fn judge(baseline: f64, now: f64, tolerance: f64) -> ComparisonOutcome {
     let difference = (now - baseline).abs();
     if difference <= tolerance {
-        if now.to_bits() == baseline.to_bits() { Outcome::Identical } else { Outcome::Within }
+        if now.to_bits() == baseline.to_bits() { ComparisonOutcome::Identical } else { ComparisonOutcome::Within }
     } else {
-        Outcome::Fail
+        ComparisonOutcome::Fail
     }
 }
 
 /// Every quantity of a scene's results beside what was accepted.
 ///
 /// ```
-/// use stickslip::verify::{baseline::Store, compare::{Outcome, compare}, results::Number};
+/// use stickslip::verify::{baseline::Store, compare::{ComparisonOutcome, compare}, results::Number};
 ///
 /// let baseline = Store::Program.load("fig3-sliding")?;
 /// let mut now = baseline.results.clone();
-/// assert!(compare(&baseline, &baseline.provenance, &now).iter().all(|each| each.outcome == Outcome::Identical));
+/// assert!(compare(&baseline, &baseline.provenance, &now).iter().all(|each| each.outcome == ComparisonOutcome::Identical));
 ///
 /// // A last bit is round-off, a NaN is not.
 /// let force = now.summary["largest_force_n"].0;
@@ -107,9 +107,9 @@ fn judge(baseline: f64, now: f64, tolerance: f64) -> Outcome {
 /// now.summary.insert("stored_j".to_owned(), Number(f64::NAN));
 /// let compared = compare(&baseline, &baseline.provenance, &now);
 /// let of = |name: &str| compared.iter().find(|each| each.quantity == name).expect("it is compared");
-/// assert_eq!(of("largest_force_n").outcome, Outcome::Within);
+/// assert_eq!(of("largest_force_n").outcome, ComparisonOutcome::Within);
 /// assert!(of("largest_force_n").share_of_tolerance() < 1e-6);
-/// assert_eq!(of("stored_j").outcome, Outcome::Fail);
+/// assert_eq!(of("stored_j").outcome, ComparisonOutcome::Fail);
 /// # Ok::<(), stickslip::verify::baseline::BaselineError>(())
 /// ```
 pub fn compare(baseline: &Baseline, provenance: &Provenance, now: &Results) -> Vec<Comparison> {
@@ -131,7 +131,7 @@ pub fn compare(baseline: &Baseline, provenance: &Provenance, now: &Results) -> V
         let tolerance = SCALED_TOLERANCE * sizes.of_summary(name);
         rest.push(Comparison::number(name, value(before), value(now), tolerance));
     }
-    for comparison in rest.iter_mut().filter(|comparison| comparison.outcome == Outcome::Fail) {
+    for comparison in rest.iter_mut().filter(|comparison| comparison.outcome == ComparisonOutcome::Fail) {
         comparison.first_tick = diverged;
     }
     for (name, before, now) in joined(&before.statistics, &now.statistics) {
@@ -141,7 +141,7 @@ pub fn compare(baseline: &Baseline, provenance: &Provenance, now: &Results) -> V
             let statistic = ["min", "max", "mean", "rms"][i];
             let tolerance = SCALED_TOLERANCE * sizes.of_trace(name);
             let mut comparison = Comparison::number(format!("{name} {statistic}"), of(&before), of(&now), tolerance);
-            if comparison.outcome == Outcome::Fail {
+            if comparison.outcome == ComparisonOutcome::Fail {
                 comparison.first_tick = beyond.get(name).copied().or(diverged);
             }
             rest.push(comparison);
@@ -152,7 +152,7 @@ pub fn compare(baseline: &Baseline, provenance: &Provenance, now: &Results) -> V
         if let (Some(before), Some(now)) = (before, now)
             && now < before
         {
-            comparison.outcome = Outcome::Improved;
+            comparison.outcome = ComparisonOutcome::Improved;
         }
         rest.push(comparison);
     }
@@ -220,7 +220,7 @@ fn trace(before: &Results, now: &Results, sizes: &Sizes) -> Vec<Comparison> {
     let (ticks_before, ticks_now) = (ticks(before), ticks(now));
     let mut kept = Comparison::exact("trace ticks", json!(ticks_before.len()), json!(ticks_now.len()));
     if ticks_before != ticks_now {
-        kept.outcome = Outcome::Fail;
+        kept.outcome = ComparisonOutcome::Fail;
         let lacking = |a: &[u64], b: &[u64]| a.iter().copied().find(|tick| !b.contains(tick));
         let first = [lacking(&ticks_before, &ticks_now), lacking(&ticks_now, &ticks_before)];
         kept.first_tick = first.into_iter().flatten().min();
@@ -250,7 +250,7 @@ fn exact_trace(name: &str, pairs: &[(&KeptTick, &KeptTick)], of: impl Fn(&KeptTi
         return Comparison::exact(name, Value::Null, Value::Null);
     };
     let mut comparison = Comparison::exact(name, of(a), of(b));
-    if comparison.outcome == Outcome::Fail {
+    if comparison.outcome == ComparisonOutcome::Fail {
         comparison.first_tick = Some(a.tick);
     }
     comparison
@@ -261,13 +261,13 @@ fn number_trace(quantity: &str, values: impl Iterator<Item = (u64, f64, f64)>, t
     let mut worst: Option<Comparison> = None;
     for (tick, before, now) in values {
         let mut here = Comparison::number(name.as_str(), before, now, tolerance);
-        if here.outcome == Outcome::Fail {
+        if here.outcome == ComparisonOutcome::Fail {
             here.first_tick = Some(tick);
             return here;
         }
         let further = worst.as_ref().is_none_or(|worst| {
             here.difference.0.abs() > worst.difference.0.abs()
-                || (worst.outcome == Outcome::Identical && here.outcome == Outcome::Within)
+                || (worst.outcome == ComparisonOutcome::Identical && here.outcome == ComparisonOutcome::Within)
         });
         if further {
             worst = Some(here);

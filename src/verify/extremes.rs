@@ -12,7 +12,7 @@ use crate::Vec3;
 use crate::contact::law::Law;
 use crate::contact::rules::Scheme;
 use crate::model::mesh::{Block, Mesh, Stencil};
-use crate::multirate::failsafe::{Cause, Fault};
+use crate::multirate::failsafe::{Fault, FaultCause};
 use crate::pipeline::{OwnParts, Simulation};
 use crate::scene::{MeshSource, Scene, SceneError};
 use crate::surface::geometry::ContactSurface;
@@ -73,32 +73,32 @@ pub enum Expected {
     Refused(&'static str),
 }
 
-/// A [`Cause`] without its values.
+/// A [`FaultCause`] without its values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FaultKind {
-    /// [`Cause::ForceNotFinite`].
+    /// [`FaultCause::ForceNotFinite`].
     ForceNotFinite,
-    /// [`Cause::StateNotFinite`].
+    /// [`FaultCause::StateNotFinite`].
     StateNotFinite,
-    /// [`Cause::Runaway`].
+    /// [`FaultCause::Runaway`].
     Runaway,
-    /// [`Cause::NoModel`].
+    /// [`FaultCause::NoModel`].
     NoModel,
-    /// [`Cause::Device`] or [`Cause::Instrument`].
+    /// [`FaultCause::Device`] or [`FaultCause::Instrument`].
     Device,
-    /// [`Cause::Renderer`].
+    /// [`FaultCause::Renderer`].
     Renderer,
 }
 
 impl FaultKind {
-    fn of(cause: &Cause) -> Self {
+    fn of(cause: &FaultCause) -> Self {
         match cause {
-            Cause::ForceNotFinite => Self::ForceNotFinite,
-            Cause::StateNotFinite { .. } => Self::StateNotFinite,
-            Cause::Runaway { .. } => Self::Runaway,
-            Cause::NoModel(_) => Self::NoModel,
-            Cause::Device(_) | Cause::Instrument(_) => Self::Device,
-            Cause::Renderer(_) => Self::Renderer,
+            FaultCause::ForceNotFinite => Self::ForceNotFinite,
+            FaultCause::StateNotFinite { .. } => Self::StateNotFinite,
+            FaultCause::Runaway { .. } => Self::Runaway,
+            FaultCause::NoModel(_) => Self::NoModel,
+            FaultCause::Device(_) | FaultCause::Instrument(_) => Self::Device,
+            FaultCause::Renderer(_) => Self::Renderer,
         }
     }
 }
@@ -116,7 +116,7 @@ pub enum Quantity {
     /// How far F_T goes beyond μF_N, N.
     Coulomb,
     /// Work that is neither stored nor dissipated, over all work.
-    EnergyBook,
+    EnergyBalance,
     /// The largest change of the energy of a free body.
     EnergyKept,
     /// How far nodes ever get from their rest places, m. Zero is to the bit.
@@ -144,7 +144,7 @@ impl Quantity {
             Quantity::SameAs(..) => "force of the twin at every tick",
             Quantity::EndsAs(_) => "force of the twin at the end",
             Quantity::Coulomb => "F_T beyond μ F_N (N)",
-            Quantity::EnergyBook => "energy book",
+            Quantity::EnergyBalance => "energy balance",
             Quantity::EnergyKept => "energy of the free body",
             Quantity::Moved(_) => "furthest from rest (m)",
             Quantity::Remains => "from rest at the end (m)",
@@ -388,7 +388,7 @@ macro_rules! extremes {
 
 use Expected::{Answer, Fault as Faults};
 use Quantity::{
-    Balance, Coulomb, Ends, EndsAs, EnergyBook, EnergyKept, FellBack, Force, Moved, OrderInAge, Remains, SameAs,
+    Balance, Coulomb, Ends, EndsAs, EnergyBalance, EnergyKept, FellBack, Force, Moved, OrderInAge, Remains, SameAs,
 };
 
 extremes! {
@@ -404,9 +404,9 @@ extremes! {
     "friction-1e-9" => Answer(&[(EndsAs(sliding), SETTLED), (Coulomb, ON_THE_CONE)]);
     "friction-10" => Answer(&[(SameAs(sticking, 1.0), ROUND_OFF), (Coulomb, ON_THE_CONE)]);
     "friction-1e6" => Answer(&[(SameAs(sticking, 1.0), ROUND_OFF), (Coulomb, ON_THE_CONE)]);
-    "masses" => Faults(FaultKind::Runaway), variant Answer(&[(EnergyBook, 0.05)]);
+    "masses" => Faults(FaultKind::Runaway), variant Answer(&[(EnergyBalance, 0.05)]);
     // Of first order in the step. Measured: 3.1e-4; where the step is ten times as long, in `masses`, 0.024.
-    "masses-fine" => Answer(&[(EnergyBook, 2e-3)]);
+    "masses-fine" => Answer(&[(EnergyBalance, 2e-3)]);
     "stiffness-1e8" => Faults(FaultKind::Runaway);
     "stiffness-1e8-fine" => Answer(&[(SameAs(softer_and_slower, 1e6), ROUND_OFF)]);
     "undamped" => Answer(&[(EnergyKept, 0.05)]);

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use crate::Vec3;
 use crate::multirate::failsafe::Fault;
-use crate::multirate::timeline::{Cost, Costs, DrawnTimes, Fate, OverrunPolicy, Timeline};
+use crate::multirate::timeline::{Cost, Costs, DeadlineOutcome, DrawnTimes, OverrunPolicy, Timeline};
 use crate::output::measures::ContactMeasures;
 use crate::pipeline::{RunError, Simulation};
 use crate::scene::Scene;
@@ -66,10 +66,10 @@ fn run(scene: &Scene, timeline: Timeline) -> Result<Run, RunError> {
     let simulation = Simulation::prepare(scene)?.with_timeline(timeline);
     run.fault = simulation
         .run(|view| {
-            match view.fate {
-                Fate::OnTime => {}
-                Fate::Late(_) => run.missed[0] += 1,
-                Fate::Skipped => run.missed[1] += 1,
+            match view.deadline_outcome {
+                DeadlineOutcome::OnTime => {}
+                DeadlineOutcome::Late(_) => run.missed[0] += 1,
+                DeadlineOutcome::Skipped => run.missed[1] += 1,
             }
             run.contact.record(view);
             let before = run.forces.last().copied().unwrap_or_default();

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::value::RawValue;
 
-use crate::multirate::failsafe::{Cause, Fault};
+use crate::multirate::failsafe::{Fault, FaultCause};
 use crate::output::summary::{Recorder, Summary};
 use crate::pipeline::{Simulation, TickView};
 use crate::scene::{Scene, SceneError};
@@ -238,12 +238,14 @@ fn values(view: &TickView) -> [f64; QUANTITIES.len()] {
 /// What kind of fault; its numbers, of a state that runs away, say less than its tick.
 fn cause(fault: &Fault) -> &'static str {
     match fault.cause {
-        Cause::ForceNotFinite => "the contact force is not finite",
-        Cause::StateNotFinite { .. } => "the state is not finite",
-        Cause::NoModel(_) => "no local model could be built",
-        Cause::Renderer(_) => "the renderer failed",
-        Cause::Instrument(_) | Cause::Device(_) => "the instrument left the range in which it can be simulated",
-        Cause::Runaway { .. } => "a node ran away",
+        FaultCause::ForceNotFinite => "the contact force is not finite",
+        FaultCause::StateNotFinite { .. } => "the state is not finite",
+        FaultCause::NoModel(_) => "no local model could be built",
+        FaultCause::Renderer(_) => "the renderer failed",
+        FaultCause::Instrument(_) | FaultCause::Device(_) => {
+            "the instrument left the range in which it can be simulated"
+        }
+        FaultCause::Runaway { .. } => "a node ran away",
     }
 }
 

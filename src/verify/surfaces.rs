@@ -7,7 +7,7 @@ use crate::Vec3;
 use crate::contact::law::Law;
 use crate::contact::rules::{Deformation, Scheme};
 use crate::model::mesh::Block;
-use crate::multirate::energy::EnergyBook;
+use crate::multirate::energy::EnergyBalance;
 use crate::output::measures::ContactMeasures;
 use crate::output::spectrum::power_above;
 use crate::pipeline::{self, RunError};
@@ -49,9 +49,9 @@ pub struct Combination {
     pub scene: Scene,
 }
 
-/// What a hand would feel of it from the end of the press on, and the energy book of the whole run.
+/// What a hand would feel of it from the end of the press on, and the energy balance of the whole run.
 #[derive(Debug, Clone, Serialize)]
-pub struct Felt {
+pub struct SurfaceMeasures {
     /// Why it ended early, if it did.
     pub fault: Option<String>,
     /// Mean magnitude of the force, N.
@@ -69,7 +69,7 @@ pub struct Felt {
     pub contact_losses: u64,
     /// Changes of mode.
     pub mode_switches_per_s: f64,
-    /// Residual of the energy book over the total |work|.
+    /// Residual of the energy balance over the total |work|.
     pub energy_residual_relative: f64,
 }
 
@@ -143,24 +143,24 @@ fn refine(scene: &mut Scene, refinement: usize) {
 /// If the scene cannot start. A fault is part of the answer.
 ///
 /// ```
-/// use stickslip::{scene::Scene, verify::surfaces::feel};
+/// use stickslip::{scene::Scene, verify::surfaces::measure};
 ///
-/// let felt = |name| {
+/// let measures = |name| {
 ///     let scene = Scene::shipped(name).expect("shipped with the program");
 ///     let mut done = 0;
-///     let felt = feel(&scene, |ticks| done = ticks);
+///     let measures = measure(&scene, |ticks| done = ticks);
 ///     assert_eq!(done, scene.tick_count());
-///     felt
+///     measures
 /// };
 /// // From facet to facet the normal jumps, and the force with it.
-/// let (faceted, smooth) = (felt("fig3-sliding")?, felt("fig3-sliding-subdivision")?);
+/// let (faceted, smooth) = (measures("fig3-sliding")?, measures("fig3-sliding-subdivision")?);
 /// assert!(smooth.jump_relative < faceted.jump_relative);
 /// # Ok::<(), stickslip::pipeline::RunError>(())
 /// ```
-pub fn feel(scene: &Scene, mut progress: impl FnMut(u64)) -> Result<Felt, RunError> {
+pub fn measure(scene: &Scene, mut progress: impl FnMut(u64)) -> Result<SurfaceMeasures, RunError> {
     let settled = (SETTLED_S / scene.tick_s()) as u64;
     let (mut forces, mut contact): (Vec<Vec3>, _) = (Vec::new(), ContactMeasures::default());
-    let mut energy = EnergyBook::default();
+    let mut energy = EnergyBalance::default();
     let end = pipeline::run(scene, |view| {
         if view.tick >= settled {
             forces.push(view.force);
@@ -177,7 +177,7 @@ pub fn feel(scene: &Scene, mut progress: impl FnMut(u64)) -> Result<Felt, RunErr
     let mean = forces.iter().map(Vec3::norm).sum::<f64>() / forces.len() as f64;
     let jump = contact.largest_force_jump().newtons;
     let slides = scene.contact.law != Law::Sticking;
-    Ok(Felt {
+    Ok(SurfaceMeasures {
         fault,
         mean_force_n: mean,
         largest_jump_n: jump,

@@ -24,7 +24,7 @@ use crate::realtime::os;
 use crate::realtime::record::{loop_settings, recorded_pass};
 use crate::realtime::threads::{Pass, Served, serve};
 use crate::scene::{Scene, SceneError};
-use crate::session::{Replayed, Session, TickToReplay, Why, replay};
+use crate::session::{ReplayOutcome, ReplayReason, Session, TickToReplay, replay};
 use crate::verify::certificate::causes::StealSample;
 use crate::verify::certificate::verdict::{Certificate, Circumstances, Verdict, WorstTick};
 use crate::verify::lateness::consequences;
@@ -221,8 +221,10 @@ fn watched<T: Send>(
 /// What is needed to do the worst ticks again: their passes, and the first one.
 fn session(scene: &Scene, served: &mut Served) -> Session {
     let mut session = Session::new(scene, scene.deadline.overrun);
-    let kinds =
-        [(served.meter.worst_by_response(), Why::LongestResponse), (served.meter.worst_by_cpu(), Why::MostCpuTime)];
+    let kinds = [
+        (served.meter.worst_by_response(), ReplayReason::LongestResponse),
+        (served.meter.worst_by_cpu(), ReplayReason::MostCpuTime),
+    ];
     for (ticks, why) in kinds {
         for TickTimes { pass, tick, .. } in ticks {
             session.worst.push(TickToReplay { pass: *pass, tick: *tick, why });
@@ -242,7 +244,7 @@ fn session(scene: &Scene, served: &mut Served) -> Session {
 fn replays(session: &Session, scene: &Scene) -> Result<bool, SceneError> {
     let mut same = true;
     for pass in &session.passes {
-        same &= matches!(replay(session.prepare(scene, pass)?, pass, |_| ()), Replayed::Same { .. });
+        same &= matches!(replay(session.prepare(scene, pass)?, pass, |_| ()), ReplayOutcome::Same { .. });
     }
     Ok(same)
 }
@@ -252,7 +254,7 @@ fn worst(served: &Served, timed: Vec<TimedTick>) -> Vec<WorstTick> {
     let measured = || served.meter.worst_by_response().iter().chain(served.meter.worst_by_cpu());
     let entry = |TimedTick { tick, warm_ns, cold_ns }| {
         let TickToReplay { pass, tick, why } = tick;
-        let is_measured = matches!(why, Why::LongestResponse | Why::MostCpuTime);
+        let is_measured = matches!(why, ReplayReason::LongestResponse | ReplayReason::MostCpuTime);
         let times = measured().find(|times| is_measured && (times.pass, times.tick) == (pass, tick)).copied();
         WorstTick { pass, tick, why, times, warm_ns, cold_ns }
     };

@@ -6,7 +6,7 @@ use std::path::Path;
 use maud::{Markup, html};
 use serde::{Deserialize, Serialize};
 
-use super::verdict::{Outcome, Verdict};
+use super::verdict::{Verdict, VerdictStatus};
 use crate::cli::page;
 
 /// Where `reference/verify` leaves it, from the folder of the clone.
@@ -49,10 +49,12 @@ pub fn read() -> Result<CrossCheck, String> {
 pub fn verdict(found: &Result<CrossCheck, String>) -> Verdict {
     let (outcome, reason) = match found {
         Ok(CrossCheck { passed: true, rows, date, .. }) => {
-            (Outcome::Pass, format!("{} quantities agreed with independent references on {date}", rows.len()))
+            (VerdictStatus::Pass, format!("{} quantities agreed with independent references on {date}", rows.len()))
         }
-        Ok(CrossCheck { failed, date, .. }) => (Outcome::Fail, format!("on {date} this failed: {}", failed.join(", "))),
-        Err(reason) => (Outcome::Inconclusive, reason.clone()),
+        Ok(CrossCheck { failed, date, .. }) => {
+            (VerdictStatus::Fail, format!("on {date} this failed: {}", failed.join(", ")))
+        }
+        Err(reason) => (VerdictStatus::Inconclusive, reason.clone()),
     };
     Verdict { what: "cross-check".to_owned(), outcome, reason, decides: false, section: "crosscheck" }
 }

@@ -18,7 +18,7 @@ use self::crosscheck::CrossCheck;
 use self::provenance::Origin;
 use self::runs::{Reported, RunEntry};
 use self::surfaces::SurfaceEntry;
-use self::verdict::{Outcome, Verdict};
+use self::verdict::{Verdict, VerdictStatus};
 use super::accuracy::{self, AccuracyFile};
 use super::progress::Progress;
 use super::run::execute;
@@ -137,7 +137,7 @@ pub fn report(arguments: &ReportArguments) -> miette::Result<u8> {
     say(table::runs(reported.iter().map(|r| (r.summary(), r.outcome()))))?;
     say(verdict::lines(&verdicts))?;
     say(format_args!("report: {}", out.join("index.html").display()))?;
-    let fails = verdicts.iter().any(|verdict| verdict.decides && verdict.outcome == Outcome::Fail);
+    let fails = verdicts.iter().any(|verdict| verdict.decides && verdict.outcome == VerdictStatus::Fail);
     Ok(if fails { FAIL } else { PASS })
 }
 
@@ -196,16 +196,16 @@ fn shipped(name: &str) -> miette::Result<Scene> {
 
 fn accuracy_verdict(file: &AccuracyFile) -> Verdict {
     let (outcome, reason) = match (file.failure(), file.best_in_words()) {
-        (Some(failure), _) => (Outcome::Fail, failure),
-        (None, (true, best)) => (Outcome::Pass, best),
+        (Some(failure), _) => (VerdictStatus::Fail, failure),
+        (None, (true, best)) => (VerdictStatus::Pass, best),
         // Which methods are fast enough is the machine's doing.
-        (None, (false, none)) => (Outcome::Inconclusive, none),
+        (None, (false, none)) => (VerdictStatus::Inconclusive, none),
     };
     Verdict { what: "accuracy".to_owned(), outcome, reason, decides: true, section: "accuracy" }
 }
 
 fn stability_verdict(file: &StabilityFile) -> Verdict {
-    let outcome = Outcome::pass_if(file.passes);
+    let outcome = VerdictStatus::pass_if(file.passes);
     Verdict { what: "stability".to_owned(), outcome, reason: file.counts(), decides: true, section: "stability" }
 }
 
@@ -218,12 +218,12 @@ fn certificate(verdicts: &mut Vec<Verdict>, out: &Path) -> miette::Result<(Optio
 
     let (certificate, section) = match super::certify::brief(&shipped(LOOP_SCENE)?, CERTIFICATE_S, out) {
         Ok(made) => made,
-        Err(error) => return Ok((None, not_certified(verdicts, Outcome::Fail, &error.to_string()))),
+        Err(error) => return Ok((None, not_certified(verdicts, VerdictStatus::Fail, &error.to_string()))),
     };
     let outcome = |found: Found| match found {
-        Found::Pass => Outcome::Pass,
-        Found::Inconclusive => Outcome::Inconclusive,
-        Found::Fail => Outcome::Fail,
+        Found::Pass => VerdictStatus::Pass,
+        Found::Inconclusive => VerdictStatus::Inconclusive,
+        Found::Fail => VerdictStatus::Fail,
     };
     let mut add = |part: &str, found, reasons: &[String]| {
         verdicts.push(certified(&format!("certificate, {part}"), outcome(found), &reasons.join("; ")));
@@ -236,15 +236,15 @@ fn certificate(verdicts: &mut Vec<Verdict>, out: &Path) -> miette::Result<(Optio
 #[cfg(not(all(feature = "realtime", target_os = "linux")))]
 fn certificate(verdicts: &mut Vec<Verdict>, _: &Path) -> miette::Result<(Option<serde_json::Value>, Markup)> {
     let reason = "this program was built without real time, which needs Linux and the feature `realtime`";
-    Ok((None, not_certified(verdicts, Outcome::Inconclusive, reason)))
+    Ok((None, not_certified(verdicts, VerdictStatus::Inconclusive, reason)))
 }
 
-fn certified(what: &str, outcome: Outcome, reason: &str) -> Verdict {
+fn certified(what: &str, outcome: VerdictStatus, reason: &str) -> Verdict {
     let (what, reason) = (what.to_owned(), reason.to_owned());
     Verdict { what, outcome, reason, decides: false, section: "certificate" }
 }
 
-fn not_certified(verdicts: &mut Vec<Verdict>, outcome: Outcome, reason: &str) -> Markup {
+fn not_certified(verdicts: &mut Vec<Verdict>, outcome: VerdictStatus, reason: &str) -> Markup {
     verdicts.push(certified("certificate", outcome, reason));
     html! { h2 #certificate { "Certificate of the servo loop" } p { "Not made: " (reason) "." } }
 }

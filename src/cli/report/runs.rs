@@ -3,7 +3,7 @@
 use maud::{Markup, PreEscaped, html};
 use serde::Serialize;
 
-use super::verdict::{Outcome, Verdict};
+use super::verdict::{Verdict, VerdictStatus};
 use crate::cli::page::{self, Row};
 use crate::cli::table;
 use crate::output::files::FinishedRun;
@@ -91,11 +91,12 @@ impl Reported {
 pub fn verdicts(reported: &[Reported]) -> Vec<Verdict> {
     let of = |what: String, outcome, reason| Verdict { what, outcome, reason, decides: true, section: "experiments" };
     let failed = reported.iter().filter(|r| !r.as_expected());
-    let mut verdicts: Vec<Verdict> = failed.map(|r| of(r.name().to_owned(), Outcome::Fail, r.complaint())).collect();
+    let mut verdicts: Vec<Verdict> =
+        failed.map(|r| of(r.name().to_owned(), VerdictStatus::Fail, r.complaint())).collect();
     let passed = reported.len() - verdicts.len();
     if passed > 0 {
         let reason = format!("{passed} of {} end as expected", reported.len());
-        verdicts.push(of("experiments".to_owned(), Outcome::Pass, reason));
+        verdicts.push(of("experiments".to_owned(), VerdictStatus::Pass, reason));
     }
     verdicts
 }

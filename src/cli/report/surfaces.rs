@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use crate::cli::page;
 use crate::cli::progress::Progress;
-use crate::verify::surfaces::{self, Combination, Felt};
+use crate::verify::surfaces::{self, Combination, SurfaceMeasures};
 
 /// How often the deep drags' block is divided.
 const REFINEMENTS: [usize; 2] = [1, 2];
@@ -18,7 +18,7 @@ pub struct SurfaceEntry {
     scheme: &'static str,
     spacing_m: f64,
     #[serde(flatten)]
-    felt: Felt,
+    measures: SurfaceMeasures,
 }
 
 /// Runs every combination.
@@ -28,9 +28,10 @@ pub fn compare() -> miette::Result<Vec<SurfaceEntry>> {
     let mut compared = Vec::with_capacity(grid.len());
     for Combination { drag, surface, scheme, spacing_m, scene } in &grid {
         progress.begin(&scene.name);
-        let felt = surfaces::feel(scene, |ticks| progress.set(ticks)).map_err(|error| miette::miette!("{error}"))?;
+        let measures =
+            surfaces::measure(scene, |ticks| progress.set(ticks)).map_err(|error| miette::miette!("{error}"))?;
         progress.end(scene.tick_count());
-        compared.push(SurfaceEntry { drag, surface, scheme, spacing_m: *spacing_m, felt });
+        compared.push(SurfaceEntry { drag, surface, scheme, spacing_m: *spacing_m, measures });
     }
     Ok(compared)
 }
@@ -52,7 +53,7 @@ fn figure(compared: &[SurfaceEntry]) -> miette::Result<String> {
                 column: columns.iter().position(|column| *column == name).unwrap_or(0),
                 series: series.iter().position(|drag| *drag == entry.drag).unwrap_or(0),
                 hollow: entry.spacing_m < coarse,
-                relative: entry.felt.jump_relative,
+                relative: entry.measures.jump_relative,
             }
         })
         .collect();
@@ -80,19 +81,19 @@ const HEAD: [&str; 11] = [
 
 fn row(entry: &SurfaceEntry) -> [String; 11] {
     let percent = |value: f64| format!("{:.2} %", 100.0 * value);
-    let felt = &entry.felt;
+    let measures = &entry.measures;
     [
         entry.drag.to_owned(),
         format!("{}, {}", entry.surface, entry.scheme),
         format!("{:.2}", 1e3 * entry.spacing_m),
-        format!("{:.3}", felt.mean_force_n),
-        format!("{:.4}", felt.largest_jump_n),
-        percent(felt.jump_relative),
-        format!("{:.1e}", felt.power_above_100_hz_n2),
-        felt.mesh_ripple_relative.map_or("–".to_owned(), percent),
-        felt.contact_losses.to_string(),
-        format!("{:.1}", felt.mode_switches_per_s),
-        felt.fault.clone().unwrap_or_else(|| percent(felt.energy_residual_relative)),
+        format!("{:.3}", measures.mean_force_n),
+        format!("{:.4}", measures.largest_jump_n),
+        percent(measures.jump_relative),
+        format!("{:.1e}", measures.power_above_100_hz_n2),
+        measures.mesh_ripple_relative.map_or("–".to_owned(), percent),
+        measures.contact_losses.to_string(),
+        format!("{:.1}", measures.mode_switches_per_s),
+        measures.fault.clone().unwrap_or_else(|| percent(measures.energy_residual_relative)),
     ]
 }
 

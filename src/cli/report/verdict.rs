@@ -6,31 +6,31 @@ use serde::Serialize;
 /// Worst first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "UPPERCASE")]
-pub enum Outcome {
+pub enum VerdictStatus {
     Fail,
     Inconclusive,
     Pass,
 }
 
-impl Outcome {
+impl VerdictStatus {
     fn name(self) -> &'static str {
         match self {
-            Outcome::Fail => "FAIL",
-            Outcome::Inconclusive => "INCONCLUSIVE",
-            Outcome::Pass => "PASS",
+            VerdictStatus::Fail => "FAIL",
+            VerdictStatus::Inconclusive => "INCONCLUSIVE",
+            VerdictStatus::Pass => "PASS",
         }
     }
 
     fn class(self) -> &'static str {
         match self {
-            Outcome::Fail => "fail",
-            Outcome::Inconclusive => "inconclusive",
-            Outcome::Pass => "pass",
+            VerdictStatus::Fail => "fail",
+            VerdictStatus::Inconclusive => "inconclusive",
+            VerdictStatus::Pass => "pass",
         }
     }
 
     pub fn pass_if(holds: bool) -> Self {
-        if holds { Outcome::Pass } else { Outcome::Fail }
+        if holds { VerdictStatus::Pass } else { VerdictStatus::Fail }
     }
 }
 
@@ -38,7 +38,7 @@ impl Outcome {
 #[derive(Debug, Serialize)]
 pub struct Verdict {
     pub what: String,
-    pub outcome: Outcome,
+    pub outcome: VerdictStatus,
     pub reason: String,
     /// Whether a FAIL of it is one of the command: not where the machine is judged, or an earlier run.
     pub decides: bool,

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::method::Method;
-use super::record::{Felt, MODE_WINDOW_S, Record, Reference, force_error, mean, ratio};
+use super::record::{MODE_WINDOW_S, Record, Reference, RenderedTick, force_error, mean, ratio};
 use crate::contact::law::Mode;
 use crate::scene::{Scene, SceneError};
 use crate::verify::residual::largest;
@@ -57,7 +57,7 @@ pub struct Errors {
     pub contact_point_error_max_m: Option<f64>,
     /// Largest change of force in the first tick of a new model, beyond the reference's, over its force.
     pub handover_jump_rel: f64,
-    /// Residual of the energy book over the total |work|.
+    /// Residual of the energy balance over the total |work|.
     pub energy_residual_rel: f64,
 }
 
@@ -66,7 +66,7 @@ impl Errors {
     pub fn of(record: &Record, reference: &Reference) -> Self {
         let coarse = &reference.coarse;
         let force_rms = coarse.force_rms_n();
-        let parts: Vec<[f64; 3]> = record.felt.iter().zip(&coarse.felt).map(error_parts).collect();
+        let parts: Vec<[f64; 3]> = record.rendered.iter().zip(&coarse.rendered).map(error_parts).collect();
         let relative = |part: usize, parts: &[[f64; 3]]| ratio(mean(parts.iter().map(|e| e[part])).sqrt(), force_rms);
         let window = record.window(FORCE_WINDOW_S);
         let per_window = parts.chunks(window).enumerate().map(|(i, parts)| WindowError {
@@ -76,9 +76,14 @@ impl Errors {
             tangential: relative(2, parts),
         });
         let modes = record.window(MODE_WINDOW_S);
-        let agreements: Vec<f64> =
-            record.felt.chunks(modes).zip(coarse.felt.chunks(modes)).map(|(a, b)| mode_agreement(a, b)).collect();
-        let places = record.felt.iter().zip(&coarse.felt).filter_map(|(a, b)| Some((a.place? - b.place?).norm()));
+        let agreements: Vec<f64> = record
+            .rendered
+            .chunks(modes)
+            .zip(coarse.rendered.chunks(modes))
+            .map(|(a, b)| mode_agreement(a, b))
+            .collect();
+        let places =
+            record.rendered.iter().zip(&coarse.rendered).filter_map(|(a, b)| Some((a.place? - b.place?).norm()));
         let distances: Vec<f64> = places.collect();
         let touched = |value: f64| (!distances.is_empty()).then_some(value);
         Self {
@@ -100,16 +105,18 @@ impl Errors {
 }
 
 /// |e|², (e·n̂)² and |e − (e·n̂)n̂|² of one tick, N².
-fn error_parts((felt, reference): (&Felt, &Felt)) -> [f64; 3] {
-    let error = felt.force - reference.force;
-    let along = reference.normal.or(felt.normal).map_or(0.0, |normal| error.dot(&normal));
+fn error_parts((rendered, reference): (&RenderedTick, &RenderedTick)) -> [f64; 3] {
+    let error = rendered.force - reference.force;
+    let along = reference.normal.or(rendered.normal).map_or(0.0, |normal| error.dot(&normal));
     let square = error.norm_squared();
     [square, along * along, (square - along * along).max(0.0)]
 }
 
 /// 1 − the total variation distance between the shares of modes.
-fn mode_agreement(a: &[Felt], b: &[Felt]) -> f64 {
-    let share = |felt: &[Felt], mode| felt.iter().filter(|felt| felt.mode == mode).count() as f64 / felt.len() as f64;
+fn mode_agreement(a: &[RenderedTick], b: &[RenderedTick]) -> f64 {
+    let share = |rendered: &[RenderedTick], mode| {
+        rendered.iter().filter(|rendered| rendered.mode == mode).count() as f64 / rendered.len() as f64
+    };
     let apart = [Mode::Free, Mode::Stick, Mode::Slide, Mode::Slip].map(|mode| (share(a, mode) - share(b, mode)).abs());
     1.0 - 0.5 * apart.iter().sum::<f64>()
 }

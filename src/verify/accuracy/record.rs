@@ -21,7 +21,7 @@ const ONSET_SHARE: f64 = 0.5;
 
 /// One tick of a record.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Felt {
+pub(super) struct RenderedTick {
     pub(super) force: Vec3,
     normal_force: f64,
     tangential_force: f64,
@@ -35,7 +35,7 @@ pub(super) struct Felt {
 }
 
 /// After a fault nothing is commanded.
-const NOTHING: Felt = Felt {
+const NOTHING: RenderedTick = RenderedTick {
     force: Vec3::new(0.0, 0.0, 0.0),
     normal_force: 0.0,
     tangential_force: 0.0,
@@ -61,11 +61,11 @@ const NOTHING: Felt = Felt {
 /// ```
 #[derive(Debug, Clone)]
 pub struct Record {
-    pub(super) felt: Vec<Felt>,
+    pub(super) rendered: Vec<RenderedTick>,
     pub(super) tick: f64,
     /// The fault that ended it, if one did.
     pub fault: Option<String>,
-    /// Residual of the energy book over the total |work|; 0 without work.
+    /// Residual of the energy balance over the total |work|; 0 without work.
     pub energy_residual_rel: f64,
     /// What was computed.
     pub work: WorkCounts,
@@ -88,7 +88,7 @@ impl Record {
         let simulation = Simulation::prepare(scene)?;
         let rest = simulation.network().rest.clone();
         let mut record = Self {
-            felt: Vec::with_capacity((scene.tick_count() / u64::from(ticks)) as usize),
+            rendered: Vec::with_capacity((scene.tick_count() / u64::from(ticks)) as usize),
             tick: scene.tick_s() * f64::from(ticks),
             fault: None,
             energy_residual_rel: 0.0,
@@ -110,7 +110,7 @@ impl Record {
             let place = report.touch.map(|touch| {
                 view.local.surface().node_weights(&touch.point).map(|(node, weight)| rest[node] * weight).sum()
             });
-            record.felt.push(Felt {
+            record.rendered.push(RenderedTick {
                 force,
                 normal_force: report.normal_force,
                 tangential_force: report.tangential_force(),
@@ -123,32 +123,32 @@ impl Record {
             (record.work, record.condensation) = (view.work, view.condensation);
         });
         record.fault = end.err().map(|fault| fault.to_string());
-        record.felt.resize((scene.tick_count() / u64::from(ticks)) as usize, NOTHING);
+        record.rendered.resize((scene.tick_count() / u64::from(ticks)) as usize, NOTHING);
         Ok(record)
     }
 
     /// For a figure of its forces.
     pub fn samples(&self) -> Vec<Sample> {
-        let samples = self.felt.iter().enumerate().map(|(i, felt)| Sample {
+        let samples = self.rendered.iter().enumerate().map(|(i, rendered)| Sample {
             time: (i + 1) as f64 * self.tick,
-            force: felt.force,
-            normal_force: felt.normal_force,
-            tangential_force: felt.tangential_force,
-            mode: felt.mode,
+            force: rendered.force,
+            normal_force: rendered.normal_force,
+            tangential_force: rendered.tangential_force,
+            mode: rendered.mode,
         });
         samples.collect()
     }
 
     /// Root mean square of the force, N.
     pub fn force_rms_n(&self) -> f64 {
-        mean(self.felt.iter().map(|felt| felt.force.norm_squared())).sqrt()
+        mean(self.rendered.iter().map(|rendered| rendered.force.norm_squared())).sqrt()
     }
 
     /// Largest change of force in the first tick of a new model, with contact before and after it, beyond that of
     /// the reference in the same tick, over the reference's force before it.
     pub(super) fn handover_jump_rel(&self, reference: &Record) -> f64 {
-        let touches = |felt: &Felt| felt.mode != Mode::Free;
-        let jumps = self.felt.windows(2).zip(reference.felt.windows(2)).filter_map(|(own, whole)| {
+        let touches = |rendered: &RenderedTick| rendered.mode != Mode::Free;
+        let jumps = self.rendered.windows(2).zip(reference.rendered.windows(2)).filter_map(|(own, whole)| {
             let counts = own[1].handed_over && own.iter().chain(whole).all(touches);
             let change = (own[1].force - own[0].force) - (whole[1].force - whole[0].force);
             counts.then(|| ratio(change.norm(), whole[0].force.norm()))
@@ -159,9 +159,11 @@ impl Record {
     /// When slip sets in, s.
     pub(super) fn slip_onset(&self) -> Option<f64> {
         let window = self.window(MODE_WINDOW_S);
-        let slips = |felt: &Felt| felt.mode == Mode::Slip;
-        let share = |felt: &[Felt]| felt.iter().filter(|felt| slips(felt)).count() as f64 / window as f64;
-        let first = self.felt.windows(window).position(|ahead| slips(&ahead[0]) && share(ahead) >= ONSET_SHARE)?;
+        let slips = |rendered: &RenderedTick| rendered.mode == Mode::Slip;
+        let share = |rendered: &[RenderedTick]| {
+            rendered.iter().filter(|rendered| slips(rendered)).count() as f64 / window as f64
+        };
+        let first = self.rendered.windows(window).position(|ahead| slips(&ahead[0]) && share(ahead) >= ONSET_SHARE)?;
         Some((first + 1) as f64 * self.tick)
     }
 
@@ -225,7 +227,7 @@ impl Reference {
 
 /// Root mean square of the difference of forces over that of the reference.
 pub(super) fn force_error(record: &Record, reference: &Record) -> f64 {
-    let square = record.felt.iter().zip(&reference.felt).map(|(a, b)| (a.force - b.force).norm_squared());
+    let square = record.rendered.iter().zip(&reference.rendered).map(|(a, b)| (a.force - b.force).norm_squared());
     ratio(mean(square).sqrt(), reference.force_rms_n())
 }
 

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// What a missed deadline was due to.
 ///
 /// ```
-/// use stickslip::verify::certificate::causes::{Cause, Missed};
+/// use stickslip::verify::certificate::causes::{MissCause, Missed};
 ///
 /// // A deadline of 500 µs, usually kept with 50 µs of computing.
 /// let usual = Missed {
@@ -20,17 +20,17 @@ use serde::{Deserialize, Serialize};
 /// let slow = Missed { compute_ns: 900_000, cpu_ns: 900_000, response_ns: 900_000, ..usual };
 /// let interrupted =
 ///     Missed { compute_ns: 900_000, response_ns: 900_000, involuntary_switches: 1, ..usual };
-/// let causes = [woken_late, slow, interrupted].map(|miss| Cause::of(&miss));
-/// assert_eq!(causes, [Cause::Release, Cause::Compute, Cause::Preempted]);
-/// assert_eq!(Cause::of(&Missed { steal: true, ..woken_late }), Cause::StealSuspected);
+/// let causes = [woken_late, slow, interrupted].map(|miss| MissCause::of(&miss));
+/// assert_eq!(causes, [MissCause::Release, MissCause::Compute, MissCause::Preempted]);
+/// assert_eq!(MissCause::of(&Missed { steal: true, ..woken_late }), MissCause::StealSuspected);
 /// // The tick after a slow one begins late because of that one.
 /// let next = Missed { follows: true, ..woken_late };
-/// assert_eq!(Cause::of_all(&[slow, next]), [Cause::Compute; 2]);
-/// assert_eq!(Cause::Preempted.name(), "something else had the CPU");
+/// assert_eq!(MissCause::of_all(&[slow, next]), [MissCause::Compute; 2]);
+/// assert_eq!(MissCause::Preempted.name(), "something else had the CPU");
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Cause {
+pub enum MissCause {
     /// The tick itself computed too long.
     Compute,
     /// It was woken too late.
@@ -72,16 +72,16 @@ pub struct Missed {
     pub typical_cpu_ns: u64,
 }
 
-impl Cause {
+impl MissCause {
     /// For people.
     pub fn name(self) -> &'static str {
         match self {
-            Cause::Compute => "the tick computed too long",
-            Cause::Release => "released too late",
-            Cause::Preempted => "something else had the CPU",
-            Cause::Fault => "a page fault",
-            Cause::StealSuspected => "the hypervisor, it seems",
-            Cause::Unknown => "unknown",
+            MissCause::Compute => "the tick computed too long",
+            MissCause::Release => "released too late",
+            MissCause::Preempted => "something else had the CPU",
+            MissCause::Fault => "a page fault",
+            MissCause::StealSuspected => "the hypervisor, it seems",
+            MissCause::Unknown => "unknown",
         }
     }
 
@@ -102,10 +102,10 @@ impl Cause {
     pub fn of(miss: &Missed) -> Self {
         let excess_ns = miss.response_ns.saturating_sub(miss.deadline_ns);
         if excess_ns == 0 {
-            return Cause::Unknown;
+            return MissCause::Unknown;
         }
         if miss.cpu_ns > miss.deadline_ns && !miss.steal {
-            return Cause::Compute;
+            return MissCause::Compute;
         }
         // The two clocks are not read at the same instant: the usual difference is none of time off the CPU.
         let usually_off_ns = miss.typical_compute_ns.saturating_sub(miss.typical_cpu_ns);
@@ -113,31 +113,31 @@ impl Cause {
         let busy_ns = miss.cpu_ns.saturating_sub(miss.typical_cpu_ns);
         let largest_ns = miss.release_ns.max(off_ns).max(busy_ns);
         if largest_ns < excess_ns.div_ceil(2) {
-            return Cause::Unknown;
+            return MissCause::Unknown;
         }
         if largest_ns == miss.release_ns {
-            miss.unless_stolen(Cause::Release)
+            miss.unless_stolen(MissCause::Release)
         } else if largest_ns == off_ns {
             miss.off_the_cpu()
         } else {
-            miss.unless_stolen(Cause::Compute)
+            miss.unless_stolen(MissCause::Compute)
         }
     }
 }
 
 impl Missed {
-    fn unless_stolen(&self, cause: Cause) -> Cause {
-        if self.steal { Cause::StealSuspected } else { cause }
+    fn unless_stolen(&self, cause: MissCause) -> MissCause {
+        if self.steal { MissCause::StealSuspected } else { cause }
     }
 
     /// A thread that nothing took off the CPU was not preempted, wherever its time went.
-    fn off_the_cpu(&self) -> Cause {
+    fn off_the_cpu(&self) -> MissCause {
         if self.page_faults > 0 {
-            Cause::Fault
+            MissCause::Fault
         } else if self.involuntary_switches > 0 {
-            self.unless_stolen(Cause::Preempted)
+            self.unless_stolen(MissCause::Preempted)
         } else {
-            self.unless_stolen(Cause::Unknown)
+            self.unless_stolen(MissCause::Unknown)
         }
     }
 }

@@ -9,9 +9,9 @@ use crate::realtime::machine::Machine;
 use crate::realtime::meter::{Meter, Miss, TickTimes};
 use crate::realtime::record::Quantiles;
 use crate::realtime::threads::{Obtained, Served, Window};
-use crate::session::Why;
+use crate::session::ReplayReason;
 use crate::verify::certificate::bounds::{Independence, RateBound, Trials, Untested, ljung_box};
-use crate::verify::certificate::causes::{Cause, Missed, StealSample, steal_grew};
+use crate::verify::certificate::causes::{MissCause, Missed, StealSample, steal_grew};
 use crate::verify::certificate::tail::Tail;
 use crate::verify::lateness::Consequences;
 
@@ -62,7 +62,7 @@ pub struct WorstTick {
     /// Counted from 0 in its pass.
     pub tick: u64,
     /// Why it is here.
-    pub why: Why,
+    pub why: ReplayReason,
     /// As it went; absent for a tick that is here for its kind.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     pub times: Option<TickTimes>,
@@ -116,7 +116,7 @@ pub struct PlatformPart {
     /// From the scheduled release to the tick's begin.
     pub release_ns: Quantiles,
     /// Misses by what they come from.
-    pub causes: BTreeMap<Cause, u64>,
+    pub causes: BTreeMap<MissCause, u64>,
     /// Misses beyond those that are kept one by one, which have no cause.
     pub misses_without_cause: u64,
     /// Beside it.
@@ -132,7 +132,7 @@ pub struct MissEntry {
     /// Its release, s from the begin of the window.
     pub at_s: f64,
     /// What it comes from.
-    pub cause: Cause,
+    pub cause: MissCause,
 }
 
 /// What the misses, or their absence, say about the rate of misses.
@@ -161,7 +161,7 @@ pub struct MissRate {
 /// # use stickslip::realtime::machine::Machine;
 /// # use stickslip::multirate::timeline::OverrunPolicy;
 /// # use stickslip::verify::lateness::{Consequence, Consequences};
-/// use stickslip::verify::certificate::causes::Cause;
+/// use stickslip::verify::certificate::causes::MissCause;
 ///
 /// let mut meter = Meter::new(10, 500_000);
 /// let usual = TickTimes { response_ns: 60_000, compute_ns: 50_000, cpu_ns: 50_000, ..TickTimes::default() };
@@ -188,7 +188,7 @@ pub struct MissRate {
 /// // The program was never slow, but that is not known of ten ticks. The deadline was missed all the same.
 /// assert_eq!(certificate.compute.verdict, Verdict::Inconclusive);
 /// assert_eq!(certificate.platform.verdict, Verdict::Fail);
-/// assert_eq!(certificate.platform.causes[&Cause::Release], 1);
+/// assert_eq!(certificate.platform.causes[&MissCause::Release], 1);
 /// assert_eq!(certificate.verdict(), Verdict::Fail);
 /// ```
 #[derive(Debug, Clone, Serialize)]
@@ -373,7 +373,7 @@ fn compute_part(
 }
 
 /// Judges what came of it on this machine: deadlines are about responses.
-fn platform_part(meter: &Meter, obtained: &Obtained, causes: BTreeMap<Cause, u64>, explained: u64) -> PlatformPart {
+fn platform_part(meter: &Meter, obtained: &Obtained, causes: BTreeMap<MissCause, u64>, explained: u64) -> PlatformPart {
     let (mut failed, mut open, mut passed) = (Vec::new(), Vec::new(), Vec::new());
     let (control_misses, left_out) = meter.control_missed();
     match meter.missed() {
@@ -451,7 +451,8 @@ fn explain(meter: &Meter, window: &Window, steal: &[StealSample], worst: &[Worst
         }
     };
     let misses: Vec<Missed> = meter.misses().iter().map(missed).collect();
-    let causes = Cause::of_all(&misses);
-    let entry = |(miss, cause): (&Miss, Cause)| MissEntry { times: miss.times, at_s: miss.at_ns as f64 * 1e-9, cause };
+    let causes = MissCause::of_all(&misses);
+    let entry =
+        |(miss, cause): (&Miss, MissCause)| MissEntry { times: miss.times, at_s: miss.at_ns as f64 * 1e-9, cause };
     meter.misses().iter().zip(causes).map(entry).collect()
 }

@@ -26,7 +26,7 @@ pub(super) struct Watch {
     pub(super) tunnelling_ticks: u64,
     beyond_coulomb_n: f64,
     balance: f64,
-    energy_book: f64,
+    energy_balance: f64,
     /// Least and largest energy since the tip left.
     free_energy: Range<f64>,
     /// Of each node, from its rest place, m.
@@ -50,7 +50,7 @@ impl Watch {
             tunnelling_ticks: 0,
             beyond_coulomb_n: 0.0,
             balance: f64::NAN,
-            energy_book: f64::NAN,
+            energy_balance: f64::NAN,
             free_energy: f64::INFINITY..f64::NEG_INFINITY,
             moved: vec![0.0; mesh.nodes.len()],
             remains: f64::NAN,
@@ -84,7 +84,7 @@ impl Watch {
         if view.tick == self.last_tick {
             self.remains = furthest;
             self.balance = self.out_of_balance(view);
-            self.energy_book = view.energy.residual().abs() / view.energy.absolute_work;
+            self.energy_balance = view.energy.residual().abs() / view.energy.absolute_work;
         }
     }
 
@@ -122,7 +122,7 @@ impl Watch {
         match quantity {
             Quantity::Balance => self.balance,
             Quantity::Coulomb => self.beyond_coulomb_n,
-            Quantity::EnergyBook => self.energy_book,
+            Quantity::EnergyBalance => self.energy_balance,
             Quantity::EnergyKept => (self.free_energy.end - self.free_energy.start) / self.free_energy.end,
             Quantity::Moved(which) => {
                 let nodes = (0..).zip(&self.moved).filter(|&(node, _)| which(node));
