@@ -14,7 +14,7 @@ use stickslip::realtime::record::{Recorded, record};
 use stickslip::realtime::threads::{Obtained, Served, Window};
 use stickslip::scene::Scene;
 use stickslip::session::{RecordedPass, ReplayOutcome, ReplayReason, Session, replay};
-use stickslip::verify::certificate::causes::FaultCause;
+use stickslip::verify::certificate::causes::MissCause;
 use stickslip::verify::certificate::verdict::{Certificate, Circumstances, Verdict, WorstTick};
 use stickslip::verify::lateness::consequences;
 
@@ -235,10 +235,10 @@ fn misses_are_counted_exactly_and_explained_one_by_one() {
     let platform = &certificate.platform;
     assert_eq!((platform.misses, platform.longest_miss_run, platform.skipped), (3, 2, 0));
     assert_eq!(platform.response_ns.max, 2_000_000);
-    let causes: Vec<(u64, FaultCause)> = certificate.misses.iter().map(|miss| (miss.times.tick, miss.cause)).collect();
-    assert_eq!(causes[..2], [(100, FaultCause::Release), (101, FaultCause::Release)]);
+    let causes: Vec<(u64, MissCause)> = certificate.misses.iter().map(|miss| (miss.times.tick, miss.cause)).collect();
+    assert_eq!(causes[..2], [(100, MissCause::Release), (101, MissCause::Release)]);
     // Whether something took the CPU away is read from the counters of this very thread.
-    assert!(matches!(causes[2..], [(2000, FaultCause::Unknown | FaultCause::Preempted)]), "{causes:?}");
+    assert!(matches!(causes[2..], [(2000, MissCause::Unknown | MissCause::Preempted)]), "{causes:?}");
     let bound = certificate.miss_rate.ticks.as_ref().expect("there are ticks");
     assert!(bound.estimate < bound.upper && bound.upper < 0.01);
     // Quantiles have three digits.
