@@ -124,7 +124,7 @@ pub fn run(scene: &Scene) -> Run {
     match end {
         Ok(()) => {}
         Err(RunError::Fault(fault)) => run.fault = Some(fault),
-        Err(RunError::Scene(error)) => panic!("{error}"),
+        Err(error) => panic!("{error}"),
     }
     run
 }

@@ -58,6 +58,27 @@ fn links(text: &str) -> Vec<&str> {
     prose(text).flat_map(after).collect()
 }
 
+/// The examples need nothing but what is public: names at the crate's root.
+#[test]
+fn examples_use_the_public_names_only() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("reference/examples");
+    let mut checked = 0;
+    for entry in fs::read_dir(folder).expect("the examples' folder") {
+        let path = entry.expect("an entry").path();
+        let text = fs::read_to_string(&path).expect("an example");
+        for (at, _) in text.match_indices("stickslip::") {
+            let rest = &text[at + "stickslip::".len()..];
+            let names = match rest.strip_prefix('{') {
+                Some(list) => list.split('}').next().unwrap_or_default(),
+                None => rest.split([';', '(', ' ', ',']).next().unwrap_or_default(),
+            };
+            assert!(!names.contains("::"), "{}: `{names}` reaches into a module", path.display());
+            checked += 1;
+        }
+    }
+    assert!(checked >= 5, "{checked} uses of the library in the examples");
+}
+
 #[test]
 fn links_between_documents_resolve() {
     let documents = documents();

@@ -1,5 +1,13 @@
-//! The path of the data, on one page: scene → network → linearise → local model → collide →
-//! constrain → integrate → instrument force → global cycle.
+//! The path of the data, on one page: scene → network → linearise → local model → detect → constrain → move →
+//! instrument force → global cycle. Reading order:
+//!
+//! 1. [`Simulation::prepare`] puts a scene together: mesh → network → surface → first local model → instrument.
+//! 2. [`Lockstep::step`] is one tick. Before it, at a boundary, the cycle just past goes up, the global side brings the
+//!    network over it and builds the next model ([`GlobalSide::next_model`]); a model that is due is handed over.
+//! 3. [`Servo::tick`] senses the tip, has the local side do the six steps of the tick
+//!    ([`LocalSimulation::tick`](crate::contact::simulation::LocalSimulation::tick)), checks the result in the fail-safe, and
+//!    commands the instrument.
+//! 4. [`TickView`] is what an observer sees of it: traces, summaries, figures and studies take it from there.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -37,6 +45,7 @@ use crate::surface::geometry::SurfaceModel;
 
 /// Why a run did not complete.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum RunError {
     /// It could not start.
     #[error(transparent)]

@@ -1,9 +1,11 @@
 //! The path of a tip or of the hand that leads it: waypoints, or a recording.
 
+#[cfg(feature = "files")]
 use std::fs::File;
 use std::io;
 use std::path::{Path as FilePath, PathBuf};
 
+#[cfg(feature = "files")]
 use serde::Deserialize;
 use thiserror::Error;
 
@@ -42,6 +44,7 @@ pub struct TipPath {
 
 /// What is wrong with waypoints.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum PathError {
     /// There is none.
     #[error("there is no waypoint")]
@@ -70,9 +73,14 @@ pub enum PathError {
         /// Why.
         error: io::Error,
     },
-    /// The recording is not as it should be.
+    /// The recording is no table of numbers.
+    #[cfg(feature = "files")]
     #[error("{0}")]
     Csv(#[from] csv::Error),
+    /// The library was built without the feature that reads recordings.
+    #[cfg(not(feature = "files"))]
+    #[error("cannot read {0}: this build reads no recordings (feature `files`)")]
+    NoFiles(PathBuf),
     /// The recording's columns are others.
     #[error("its header is `{found}`, not `t,x,y,z`")]
     Header {
@@ -128,6 +136,7 @@ impl TipPath {
     /// assert_eq!(error.to_string(), "its header is `time,z`, not `t,x,y,z`");
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
+    #[cfg(feature = "files")]
     pub fn from_csv(path: &FilePath) -> Result<Self, PathError> {
         #[derive(Deserialize)]
         struct Row {
@@ -146,6 +155,15 @@ impl TipPath {
         let waypoints: Result<Vec<_>, _> =
             rows.map(|row| row.map(|Row { t, x, y, z }| Waypoint { time: t, position: Vec3::new(x, y, z) })).collect();
         Self::new(waypoints?)
+    }
+
+    /// A recording, which a build without the feature `files` cannot read.
+    ///
+    /// # Errors
+    /// Always.
+    #[cfg(not(feature = "files"))]
+    pub fn from_csv(path: &FilePath) -> Result<Self, PathError> {
+        Err(PathError::NoFiles(path.to_owned()))
     }
 
     /// Time of the last waypoint, s.

@@ -18,6 +18,7 @@ const RUNAWAY_DIAGONALS: f64 = 10.0;
 
 /// What went wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
+#[non_exhaustive]
 pub enum FaultCause {
     /// The force to be commanded is NaN or infinite.
     #[error("the contact force is not finite")]
