@@ -173,7 +173,7 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
         "short waypoint",
         "[1.2, 0.02, 0.0013, -0.003]",
         "[1.2, 0.02, 0.0013]",
-        &["instrument.waypoints", "four numbers", ":41:"],
+        &["instrument.waypoints", "four numbers", ":40:73"],
     ),
     ("no waypoints", "waypoints = [[0.0", "waypoints = [] # [[0.0", &["instrument.waypoints", "no waypoint"]),
     ("NaN waypoint", "[1.2, 0.02", "[1.2, nan", &["instrument.waypoints", "not finite"]),
