@@ -103,9 +103,10 @@ pub trait ContactLaw: fmt::Debug + Sync {
         false
     }
 
-    /// Returns the impulse Λ on a mesh that responds with the velocity GΛ, where G is any 3 × 3 matrix, r·n̂ < 0 and a
-    /// tick lasts `tick_s`, s. By default the tangential part is that of [`contact_force`](Self::contact_force) for
-    /// −G⁻¹r/h, and the normal part makes the contact point follow the tip along n̂.
+    /// Returns the impulse Λ that adds r to the contact point's velocity, as far as the law allows, on a mesh that
+    /// responds with GΛ. G is any 3 × 3 matrix, r·n̂ < 0, and a tick lasts `tick_s`, s. By default the tangential part
+    /// is that of [`contact_force`](Self::contact_force) for −G⁻¹r/h, and the normal part makes the contact point
+    /// follow the tip along n̂.
     fn impulse(&self, response: &Mat3, r: Vec3, normal: Vec3, tick_s: f64) -> Impulse {
         let slide = normal * (normal.dot(&r) / normal.dot(&(response * normal)));
         let fallback = Impulse { mode: Mode::Slide, value: slide, fell_back: true };
@@ -164,8 +165,8 @@ impl Mode {
 impl Law {
     /// Returns the force on the instrument, N, and the mode, for a reaction λ with F_N = λ·n̂ > 0.
     ///
-    /// (5) decides between sticking and slipping. Beyond that bound (28) holds: f̂ = F_N n̂ + μF_N t̂ with t̂ = (λ −
-    /// F_N n̂)/F_T. A contact with F_T = 0 never slips, so t̂ is never formed from zero.
+    /// (5) decides between sticking and slipping. Beyond that bound (28) holds: f̂ = F_N n̂ + μF_N t̂ with
+    /// t̂ = (λ − F_N n̂)/F_T. A contact with F_T = 0 never slips, so t̂ is never formed from zero.
     pub fn contact_force(self, reaction: Vec3, normal: Vec3) -> (Mode, Vec3) {
         let normal_force = reaction.dot(&normal);
         match self {

@@ -25,8 +25,8 @@ const HALVINGS: usize = 30;
 const PIECE: f64 = 0.25;
 /// Largest number of pieces.
 const LARGEST_PIECES: f64 = 64.0;
-/// Number of times that a piece with the tip outside at both ends is searched for a moment inside. The search can miss
-/// only a contact much shorter than a tick.
+/// Largest number of halvings of a piece with the tip outside at both ends, in search of a moment inside. The search
+/// can miss only a contact much shorter than a tick.
 const LOOKS: u32 = 12;
 /// Width in τ to which a passage is located.
 const TIME_TOLERANCE: f64 = 1e-15;
@@ -322,7 +322,7 @@ impl MovingLimit<'_> {
 
         let speed = (self.q1 - self.q0).norm() + self.fastest();
         let mut before = (0.0, self.distance(0.0));
-        // The distance exceeds all motion within the tick.
+        // The tip is inside, or further away than all motion within the tick.
         if !(before.1 >= -START_TOLERANCE && before.1 <= speed) {
             return None;
         }

@@ -1,12 +1,12 @@
-//! A body of tetrahedra: orientation, faces, and what becomes of edges and faces.
+//! A body of tetrahedra: its orientation, faces and edges.
 
 use super::error::MeshProblem;
 use super::{Cells, FileMesh, surface, unique_edges};
 use crate::Vec3;
 use crate::model::mesh::Mesh;
 
-/// Six volumes over the cube of the longest edge, below which a tetrahedron is flat: rounding of 64-bit coordinates
-/// cannot make it so small, and of 32-bit ones makes it no smaller than 1e-7 by chance.
+/// Ratio of six volumes to the cube of the longest edge, below which a tetrahedron is flat. Rounding of 64-bit
+/// coordinates cannot make the ratio so small, and rounding of 32-bit ones makes it no smaller than 1e-7 by chance.
 const FLAT: f64 = 1e-9;
 
 /// A tetrahedron's faces, anticlockwise from outside if it is positively oriented.
