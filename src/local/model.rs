@@ -77,7 +77,7 @@ pub struct Exterior {
 #[derive(Debug, Clone)]
 enum Motion {
     Still,
-    /// Velocities of the boundary nodes and vertices, m/s, and the largest speed among the vertices.
+    /// Velocities of the boundary nodes and of the vertices, m/s, and the largest speed among the vertices.
     Drifting {
         boundary: Vec<Vec3>,
         vertices: Vec<Vec3>,

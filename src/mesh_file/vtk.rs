@@ -1,30 +1,30 @@
-//! What both formats of VTK have in common: cells as one list of nodes with the end of each (the VTK file formats,
+//! The cells common to both VTK formats: one list of nodes with the end of each cell (the VTK file formats,
 //! <https://docs.vtk.org/en/latest/design_documents/VTKFileFormats.html>).
 
 use super::Cells;
 use super::error::{Flaw, MeshProblem};
 use crate::Vec3;
 
-/// Cells in VTK's way.
+/// Cells in VTK's representation.
 #[derive(Debug, Default)]
 pub struct CellList {
     /// Nodes of all cells, one cell after the other.
     pub connectivity: Vec<u64>,
-    /// Where each cell ends in it.
+    /// End of each cell in `connectivity`.
     pub ends: Vec<u64>,
-    /// What each is.
+    /// VTK type of each cell.
     pub types: Vec<u64>,
 }
 
 const VERTEX: u64 = 1;
 const LINE: u64 = 3;
 const TRIANGLE: u64 = 5;
-/// Of any number of corners.
+/// Polygon of any number of corners.
 pub const POLYGON: u64 = 7;
 const TETRAHEDRON: u64 = 10;
 
 impl CellList {
-    /// Tetrahedra and triangles among them.
+    /// Returns the tetrahedra and triangles among the cells.
     pub fn cells(&self, nodes: Vec<Vec3>) -> Result<Cells, Flaw> {
         if nodes.is_empty() {
             return Err(MeshProblem::Missing("points").into());
@@ -41,7 +41,7 @@ impl CellList {
             match (kind, corners.len()) {
                 (TETRAHEDRON, _) => cells.tetrahedra.push(cells.corners(element, corners)?),
                 (TRIANGLE, _) | (POLYGON, 3) => cells.triangles.push(cells.corners(element, corners)?),
-                // Nothing, points, lines straight and curved.
+                // Ignored cells: empty ones, points, and straight and curved lines.
                 (VERTEX, 1) | (LINE, 2) | (0 | 2 | 4 | 21 | 35 | 68, _) => {}
                 _ => return Err(MeshProblem::Element { element, name: name(kind) }.into()),
             }
@@ -65,7 +65,7 @@ impl Cells {
     }
 }
 
-/// By VTK's number of the type (`vtkCellType.h`).
+/// Returns the name of a VTK cell type (`vtkCellType.h`).
 fn name(kind: u64) -> String {
     let name = match kind {
         VERTEX => "vertex of several nodes",
