@@ -21,7 +21,7 @@ use crate::Vec3;
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TickReport {
-    /// State of the contact in the tick, or free.
+    /// Mode of the contact; free without one.
     pub mode: Mode,
     /// Force commanded to the instrument, before device limits, N.
     pub force: Vec3,

@@ -7,7 +7,7 @@ use crate::word::words;
 /// A contact point with less than this share of its weight on free patch nodes is rigid.
 pub const RIGID_BELOW: f64 = 0.5;
 
-/// How the mesh is moved out of (or back to) the tip.
+/// Rule by which the mesh is moved out of (or back to) the tip.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Deformation {
     /// Moves every free support node by d/Σ_free w: the triangle is pushed (the paper).
@@ -35,7 +35,7 @@ impl Default for Wall {
     }
 }
 
-/// How a contact constrains the mesh.
+/// Scheme by which a contact constrains the mesh.
 ///
 /// ```
 /// use stickslip::{contact::rules::{Deformation, Scheme}, surface::support::Metric};
@@ -50,7 +50,7 @@ impl Default for Wall {
 pub enum Scheme {
     /// The mesh is moved to the tip and stopped there (the paper). Moving it takes no work.
     Geometric {
-        /// How the mesh is moved to the tip.
+        /// Rule by which the mesh is moved to the tip.
         deformation: Deformation,
         /// Inner product of P and Q.
         metric: Metric,

@@ -220,8 +220,7 @@ impl LocalSimulation {
         Shape { surface: &self.surface, model: &self.model, x: &self.state.x_predicted, elapsed }
     }
 
-    /// Step 2: returns the point where the tip meets the surface in this tick; `None` if it does not, or no longer
-    /// does.
+    /// Step 2: returns the point where the tip meets the surface in this tick; `None` if there is none.
     fn detect(&mut self, q0: Vec3, q1: Vec3) -> Option<Detected> {
         let elapsed = self.elapsed();
         let now = Shape { surface: &self.surface, model: &self.model, x: &self.state.x, elapsed };
@@ -281,8 +280,7 @@ impl LocalSimulation {
         passed
     }
 
-    /// Step 3: moves the contact point to the tip (for sliding, along the normal only), and updates the forces for step
-    /// 4.
+    /// Step 3: moves the contact point to the tip (for sliding, along the normal only), and updates the forces.
     fn deform(&mut self, deformation: Deformation, touch: Touch, elapsed: f64, q1: Vec3) {
         let mut d = q1 - touch.position;
         if self.rules.law.follows_along_normal_only() {

@@ -1,5 +1,5 @@
-//! Static condensation of the exterior, which follows the patch quasi-statically: x_E − x_E₀ = −K_EE⁻¹K_EL (x_L −
-//! x_L₀), so that f gains C(x − x₀), C = −K_LE K_EE⁻¹ K_EL.
+//! Static condensation of the exterior, which follows the patch quasi-statically:
+//! x_E − x_E₀ = −K_EE⁻¹K_EL (x_L − x_L₀), so that f gains C(x − x₀), C = −K_LE K_EE⁻¹ K_EL.
 //!
 //! K is the elastic Jacobian alone, which is symmetric. Here its sign is reversed, so that stable means positive. Far
 //! from the contact the exterior may be interpolated from a coarse grid (Galerkin): a *point* of the condensed system
@@ -103,7 +103,7 @@ impl fmt::Display for CondensationCounts {
             f,
             "condensed exterior: {models} models; {stabilised} with the stabilised tangent because the exact one is \
              indefinite over the exterior, {held} with a fixed exterior because it can move without a force, \
-             {indefinite} indefinite themselves"
+             {indefinite} with an indefinite tangent of their own"
         )
     }
 }

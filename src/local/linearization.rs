@@ -187,8 +187,8 @@ impl LinearForces {
         if column < self.columns { self.panels[self.position(row, column)] } else { 0.0 }
     }
 
-    /// Returns another affine map of (x, v, t) about this state: constant + by_x (x − x₀) + by_v (v − v₀) + growth (t −
-    /// t_k).
+    /// Returns another affine map of (x, v, t) about this state:
+    /// constant + by_x (x − x₀) + by_v (v − v₀) + growth (t − t_k).
     pub(super) fn with_coefficients(
         &self,
         constant: &DVector<f64>,

@@ -1,19 +1,19 @@
 //! Integration steps of the linear model as a whole: implicit Euler, the implicit midpoint rule, and the exact
 //! solution.
 //!
-//! Between two hand-overs the linear model is M v̇ = f₀ + K(x − x₀) + D(v − v₀) + (t − t_k) g + F, ẋ = v, with g = K_LE
-//! v_E₀ under a drifting exterior and F the contact's force, Λ/h over one tick. A free tick is then an affine map of
-//! (x, v, t), built once with the model, and a tick with contact adds the response to Λ: v = v* + A⁻¹WᵀΛ, x = x* +
-//! XWᵀΛ. With (x₋, v₋) the state before the tick and t its start:
+//! Between two hand-overs the linear model is M v̇ = f₀ + K(x − x₀) + D(v − v₀) + (t − t_k) g + F, ẋ = v, with
+//! g = K_LE v_E₀ under a drifting exterior and F the contact's force, Λ/h over one tick. A free tick is then an affine
+//! map of (x, v, t), built once with the model, and a tick with contact adds the response to Λ:
+//! v = v* + A⁻¹WᵀΛ, x = x* + XWᵀΛ. With (x₋, v₋) the state before the tick and t its start:
 //!
-//! - *Implicit Euler*, forces at the tick's end: M(v − v₋) = h f(x₋ + hv, v, t + h) + Λ. Collecting v, A = M − hD −
-//!   h²K; x = x₋ + hv, so X = hA⁻¹.
+//! - *Implicit Euler*, forces at the tick's end: M(v − v₋) = h f(x₋ + hv, v, t + h) + Λ. Collecting v,
+//!   A = M − hD − h²K; x = x₋ + hv, so X = hA⁻¹.
 //! - *Implicit midpoint*, forces in the tick's middle: M(v − v₋) = h f(x₋ + h(v₋ + v)/4, (v₋ + v)/2, t + h/2) + Λ.
 //!   Collecting v, A = M − hD/2 − h²K/4; x = x₋ + h(v₋ + v)/2, so X = hA⁻¹/2.
 //! - *Exponential*: y = (x/h, v) obeys ẏ = Zy/h + …, Z = \[0 I; a d\], a = h²M⁻¹K, d = hM⁻¹D. A force that is constant
-//!   over the tick adds φ₁(Z)(0; hM⁻¹F) to y, φ₁(Z) = ∫₀¹ e^{sZ} ds. With P and Q the blocks of φ₁(Z)(0; I) and F =
-//!   Λ/h: A⁻¹ = QM⁻¹ and X = hPM⁻¹. The force at the tick's start enters in the same way; its growth within the tick,
-//!   h(t' − t)g, adds φ₂(Z)(0; h²M⁻¹g); and e^Z multiplies the difference of the state from the model's start.
+//!   over the tick adds φ₁(Z)(0; hM⁻¹F) to y, φ₁(Z) = ∫₀¹ e^{sZ} ds. With P and Q the blocks of φ₁(Z)(0; I) and
+//!   F = Λ/h: A⁻¹ = QM⁻¹ and X = hPM⁻¹. The force at the tick's start enters in the same way; its growth within the
+//!   tick, h(t' − t)g, adds φ₂(Z)(0; h²M⁻¹g); and e^Z multiplies the difference of the state from the model's start.
 //!
 //! For all three, G = WA⁻¹Wᵀ is thus the velocity that a unit impulse, spread over the tick, adds to the contact point
 //! at its end. It is positive for the first two where K is semidefinite. The exact one has sin(hω)/hω in every mode of
@@ -263,9 +263,10 @@ impl Dense {
         }
     }
 
-    /// Builds the step with forces at the fraction θ of the tick: 1 is implicit Euler, ½ the midpoint rule. With z = v₋
-    /// − v₀ and v_θ = v₋ + θ(v − v₋), A v = Mv₋ + h\[f₀ + K(x₋ − x₀ + θh(1 − θ)v₋) + D((1 − θ)v₋ − v₀) + (t + θh −
-    /// t_k)g\], A = M − θhD − θ²h²K: x at θ is x₋ + θh v_θ. Returns `None` if A is singular.
+    /// Builds the step with forces at the fraction θ of the tick: 1 is implicit Euler, ½ the midpoint rule. With
+    /// z = v₋ − v₀ and v_θ = v₋ + θ(v − v₋),
+    /// A v = Mv₋ + h\[f₀ + K(x₋ − x₀ + θh(1 − θ)v₋) + D((1 − θ)v₋ − v₀) + (t + θh − t_k)g\],
+    /// A = M − θhD − θ²h²K: x at θ is x₋ + θh v_θ. Returns `None` if A is singular.
     fn implicit(&self, forces: &LinearForces, h: f64, theta: f64) -> Option<LinearStep> {
         let mass = DMatrix::from_diagonal(&self.mass);
         let a = &mass - &self.d * (theta * h) - &self.k * (theta * theta * h * h);
@@ -348,9 +349,9 @@ struct Phi {
 const TERMS: u32 = 14;
 
 impl Phi {
-    /// Computes Taylor's series for Z/2^s, then s doublings: φ₂(2Z) = ¼(e^Z φ₂(Z) + φ₁(Z) + φ₂(Z)), φ₁(2Z) = ½(e^Z
-    /// φ₁(Z) + φ₁(Z)), e^{2Z} = e^Z e^Z. φ₁ is not taken from e^Z − I, which cancels in slow modes, nor e^Z from I +
-    /// φ₁Z: in fast modes every doubling would multiply its rounding by |Z|, which doubles itself.
+    /// Computes Taylor's series for Z/2^s, then s doublings: φ₂(2Z) = ¼(e^Z φ₂(Z) + φ₁(Z) + φ₂(Z)),
+    /// φ₁(2Z) = ½(e^Z φ₁(Z) + φ₁(Z)), e^{2Z} = e^Z e^Z. φ₁ is not taken from e^Z − I, which cancels in slow modes, nor
+    /// e^Z from I + φ₁Z: in fast modes every doubling would multiply its rounding by |Z|, which doubles itself.
     fn new(a: &DMatrix<f64>, d: &DMatrix<f64>, growth: &DVector<f64>) -> Self {
         let n = a.nrows();
         let identity = DMatrix::<f64>::identity(n, n);

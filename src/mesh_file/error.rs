@@ -76,10 +76,10 @@ pub enum MeshProblem {
     #[error("cannot be read: {0}")]
     Unreadable(std::io::Error),
     /// The file's extension is not `.msh`, `.vtk` or `.vtu`.
-    #[error("is no mesh file by its name")]
+    #[error("is not a mesh file by its extension")]
     Extension,
     /// Reading the file would take more memory than is free.
-    #[error("takes about {needed_mib} MiB to read; {budget_mib} MiB are free")]
+    #[error("needs about {needed_mib} MiB to read; {budget_mib} MiB are free")]
     TooLarge {
         /// Memory needed, MiB.
         needed_mib: u64,
@@ -101,10 +101,10 @@ pub enum MeshProblem {
     #[error("has no {0}")]
     Missing(&'static str),
     /// The file is in an unsupported variety of its format.
-    #[error("is in {0}, which is not read here")]
+    #[error("is in {0}, which is not supported")]
     Variety(String),
     /// An element is neither a tetrahedron nor a triangle, nor ignored as points and lines are.
-    #[error("element {element} is a {name}: only tetrahedra of four nodes and triangles of three are taken")]
+    #[error("element {element} is a {name}: only tetrahedra of four nodes and triangles of three are supported")]
     Element {
         /// Index of the element.
         element: usize,
@@ -118,7 +118,7 @@ pub enum MeshProblem {
     #[error("two nodes have the number {0}")]
     RepeatedNumber(u64),
     /// An element names a node that does not exist.
-    #[error("element {element} names node {node}, which is not there")]
+    #[error("element {element} names node {node}, which does not exist")]
     UnknownNode {
         /// Index of the element.
         element: usize,
@@ -245,26 +245,26 @@ impl MeshProblem {
                  `Mesh.SubdivisionAlgorithm = 0`; in ParaView the filters Tetrahedralize or Triangulate"
             }
             MeshProblem::Empty => {
-                "mesh a volume, or a closed surface; in Gmsh, elements outside physical groups are left out when there \
+                "mesh a volume, or a closed surface; in Gmsh, elements outside physical groups are omitted when there \
                  are any (`Mesh.SaveAll = 1`)"
             }
-            MeshProblem::NotFinite { .. } => "every coordinate has to be a number, also times `scale`",
+            MeshProblem::NotFinite { .. } => "every coordinate must be finite, also times `scale`",
             MeshProblem::Coincident { .. } => {
-                "merge them: `Coherence Mesh;` in Gmsh, Clean to Grid in ParaView; or parts would touch without holding"
+                "merge them: `Coherence Mesh;` in Gmsh, Clean to Grid in ParaView; unmerged parts are not joined"
             }
             MeshProblem::Flat { .. } => "mesh again with optimisation (`Mesh.Optimize = 1` in Gmsh), or collapse it",
             MeshProblem::Inverted { .. } => {
-                "give all the same orientation (if every one is inverted, all are turned round); one that a deformation \
-                 has pushed through itself needs a new mesh"
+                "give all the same orientation (if every one is inverted, all are reversed); one that a deformation \
+                 has turned inside out needs a new mesh"
             }
             MeshProblem::Overlap { .. } => "remove the repeated or overlapping tetrahedra",
             MeshProblem::Pieces { .. } => "give one connected body, or join the pieces where they touch",
             MeshProblem::Surface(_) => {
-                "orient the triangles in one way and let two meet at every edge, as MeshLab's repair filters do"
+                "orient the triangles consistently and let two meet at every edge, as MeshLab's repair filters do"
             }
             MeshProblem::Open { .. } => "close the holes: a body needs an inside",
             MeshProblem::Pinched(_) => "separate the parts, or join them by more than a node",
-            MeshProblem::NoInside => "give a surface around a body",
+            MeshProblem::NoInside => "give a surface that encloses a body",
             MeshProblem::Folds { .. } => {
                 "give a smaller `mesh.layer_depth` or fewer `mesh.layers`, or a smoother surface"
             }

@@ -25,8 +25,8 @@ use crate::model::mesh::Mesh;
 /// edges and faces are then stored, twice while they are sorted.
 const BYTES_PER_BYTE: u64 = 32;
 
-/// Ratio of the distance of two nodes in every coordinate to the diagonal of the bounding box, below which they
-/// coincide. Coordinates of 32 bits differ by 6e-8 of their size or not at all.
+/// Nodes nearer than this in every coordinate, relative to the diagonal of the bounding box, coincide. Coordinates of
+/// 32 bits differ by 6e-8 of their size or not at all.
 const SAME_PLACE: f64 = 1e-9;
 
 /// The contents of a file that are used.
@@ -119,7 +119,7 @@ impl MeshFile {
     /// Parses the contents of a file; `path` names it in errors and determines its format.
     ///
     /// # Errors
-    /// Under the conditions of [`read`](Self::read).
+    /// If the contents have a defect that [`read`](Self::read) refuses.
     pub fn parse(bytes: &[u8], path: &Path, budget: u64) -> Result<Self, MeshFileError> {
         let fail = |flaw: Flaw| MeshFileError::new(path.to_owned(), flaw);
         let extension = path.extension().unwrap_or_default().to_ascii_lowercase();

@@ -53,16 +53,16 @@ fn header(cursor: &mut Cursor) -> Result<Layout, Flaw> {
         "4.1" => Layout::V4,
         _ => return Err(cursor.flaw(MeshProblem::Variety(format!("MSH {version}")))),
     };
-    let is_binary = cursor.word::<u8>("0 for text or 1 for bytes")? != 0;
+    let is_binary = cursor.word::<u8>("0 for text or 1 for binary")? != 0;
     if cursor.word::<u8>("the size of a number")? != 8 {
-        return Err(cursor.flaw(MeshProblem::Variety("MSH with numbers that are not of 8 bytes".to_owned())));
+        return Err(cursor.flaw(MeshProblem::Variety("MSH with numbers of other than 8 bytes".to_owned())));
     }
     if is_binary {
         cursor.line();
-        cursor.encoding = match cursor.take(4, "a 1 that shows the order of bytes")? {
+        cursor.encoding = match cursor.take(4, "a 1 that shows the byte order")? {
             [1, 0, 0, 0] => Encoding::Little,
             [0, 0, 0, 1] => Encoding::Big,
-            other => return Err(cursor.expected("a 1 that shows the order of bytes", other)),
+            other => return Err(cursor.expected("a 1 that shows the byte order", other)),
         };
     }
     Ok(layout)
@@ -157,7 +157,7 @@ impl Reader {
             let tags = cursor.index(Number::I32, "the number of tags")?;
             if !(1..=left).contains(&following) {
                 let found = following.to_string();
-                return Err(cursor.expected("no more elements than are announced, and one at least", found.as_bytes()));
+                return Err(cursor.expected("at least one element, and no more than announced", found.as_bytes()));
             }
             for _ in 0..following {
                 cursor.skip(Number::I32, 1 + tags, "the number and the tags of an element")?;
@@ -198,11 +198,11 @@ impl Reader {
             5 | 12 | 17 => "hexahedron",
             6 | 13 | 18 => "prism",
             7 | 14 | 19 => "pyramid",
-            9 => "triangle of second order",
-            11 => "tetrahedron of second order",
-            20..=25 => "triangle of higher order",
-            29..=31 => "tetrahedron of higher order",
-            _ => "thing that is not known here",
+            9 => "second-order triangle",
+            11 => "second-order tetrahedron",
+            20..=25 => "higher-order triangle",
+            29..=31 => "higher-order tetrahedron",
+            _ => "cell of unknown type",
         };
         Err(cursor.flaw(MeshProblem::Element { element: self.elements, name: format!("{name} (Gmsh type {number})") }))
     }

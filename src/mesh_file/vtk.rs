@@ -54,7 +54,7 @@ impl Cells {
     fn corners<const N: usize>(&self, element: usize, corners: &[u64]) -> Result<[u32; N], MeshProblem> {
         let corners: [u64; N] = corners.try_into().map_err(|_| MeshProblem::Element {
             element,
-            name: format!("cell of {} corners with the type of one with {N}", corners.len()),
+            name: format!("cell with {} corners and the type of a cell with {N}", corners.len()),
         })?;
         let mut nodes = [0; N];
         for (node, corner) in nodes.iter_mut().zip(corners) {
@@ -69,19 +69,19 @@ impl Cells {
 fn name(kind: u64) -> String {
     let name = match kind {
         VERTEX => "vertex of several nodes",
-        LINE => "line of not two nodes",
-        6 => "strip of triangles",
+        LINE => "line without exactly two nodes",
+        6 => "triangle strip",
         POLYGON => "polygon",
         8 | 9 => "quadrangle",
         11 | 12 => "hexahedron",
         13 => "wedge",
         14 => "pyramid",
-        22 => "triangle of second order",
-        24 => "tetrahedron of second order",
-        69 => "triangle of higher order",
-        71 => "tetrahedron of higher order",
+        22 => "second-order triangle",
+        24 => "second-order tetrahedron",
+        69 => "higher-order triangle",
+        71 => "higher-order tetrahedron",
         42 => "polyhedron",
-        _ => "cell that is not known here",
+        _ => "cell of unknown type",
     };
     format!("{name} (VTK type {kind})")
 }

@@ -70,7 +70,7 @@ fn split(bytes: &[u8]) -> Result<(String, Option<&[u8]>), Flaw> {
     };
     let text = std::str::from_utf8(head).map_err(|error| Flaw {
         place: Place::Byte(error.valid_up_to()),
-        problem: MeshProblem::Expected { what: "XML", found: "bytes that are no text".to_owned() },
+        problem: MeshProblem::Expected { what: "XML", found: "bytes that are not text".to_owned() },
     })?;
     let closing = if appended.is_some() { "</AppendedData></VTKFile>" } else { "" };
     Ok((text.to_owned() + closing, appended))

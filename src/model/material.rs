@@ -1,9 +1,9 @@
 //! Constants of springs and nodes from those of a material.
 //!
 //! Springs with central forces, of stiffness k, length L and direction n, store the energy of an elastic solid with
-//! C_ijkl = Σ k L² n_i n_j n_k n_l / V. That is symmetric in all four indices (Cauchy), so an isotropic network has λ =
-//! μ: Poisson's ratio is 1/4, whatever its stiffness, and E = 5μ/2. Contracted, C_iijj = Σ k L²/V = 6E: a network can
-//! be right on average over all strains without being isotropic.
+//! C_ijkl = Σ k L² n_i n_j n_k n_l / V. That is symmetric in all four indices (Cauchy), so an isotropic network has
+//! λ = μ: Poisson's ratio is 1/4, whatever its stiffness, and E = 5μ/2. Contracted, C_iijj = Σ k L²/V = 6E: a network
+//! can be right on average over all strains without being isotropic.
 
 use std::fmt;
 use std::ops::{DivAssign, MulAssign};
@@ -142,15 +142,13 @@ words!(Identification { VanGelder = "van-gelder", Lloyd = "lloyd" });
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum MaterialError {
     /// The lattice has only structural springs.
-    #[error(
-        "a \"structural\" lattice resists no shear, so it has no Young's modulus; \"shear\" and \"full\" ones have"
-    )]
+    #[error("a \"structural\" lattice resists no shear, so it has no Young's modulus: use \"shear\" or \"full\"")]
     NoShear,
     /// The mesh is a surface.
-    #[error("the mesh is a surface: without tetrahedra it has no volume to be filled")]
+    #[error("the mesh is a surface: without tetrahedra it has no volume")]
     NoVolume,
     /// A tetrahedron is flat or inverted.
-    #[error("tetrahedron {index} has a volume of {volume:e} m³")]
+    #[error("tetrahedron {index} is flat or inverted: its volume is {volume:e} m³")]
     Flat {
         /// Index of the tetrahedron, from 0.
         index: usize,
@@ -278,8 +276,8 @@ fn tetrahedral_stiffness(
     }
 }
 
-/// Returns c of every edge, N·s/m: the fraction ζ of the critical damping of the two nodes on their spring, c = 2ζ√(k
-/// m_ij) with 1/m_ij = 1/m_i + 1/m_j, whether a node is fixed or not.
+/// Returns c of every edge, N·s/m: the fraction ζ of the critical damping of the two nodes on their spring,
+/// c = 2ζ√(k m_ij) with 1/m_ij = 1/m_i + 1/m_j, whether a node is fixed or not.
 ///
 /// The ratio ζ holds for that pair alone. In a network of equal springs and masses a mode of angular frequency ω has
 /// the damping ratio ζω√(m/2k): far less for the slowest mode, two or three times ζ for the fastest.

@@ -41,7 +41,7 @@ impl Material {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum NetworkError {
     /// The number of values differs from the number of nodes or edges.
-    #[error("`{quantity}` has {found} values, the mesh takes {needed}")]
+    #[error("`{quantity}` has {found} values; the mesh needs {needed}")]
     WrongCount {
         /// Name of the quantity.
         quantity: &'static str,
@@ -51,7 +51,7 @@ pub enum NetworkError {
         needed: usize,
     },
     /// An edge or a triangle names a node that does not exist.
-    #[error("the mesh has {nodes} nodes, but one of its edges or triangles names node {node}")]
+    #[error("the mesh has {nodes} nodes, but one of its edges or triangles refers to node {node}")]
     UnknownNode {
         /// Index of the named node.
         node: u32,

@@ -3,8 +3,7 @@
 use crate::Vec3;
 
 /// Speeds below this, m/s, count as rest. A decaying network otherwise passes through the subnormal numbers, where
-/// arithmetic is a hundred times slower; at this speed a node needs 1e12 s to move by the last bit of a position of 1
-/// mm.
+/// arithmetic is a hundred times slower; at this speed a node needs 1e12 s to move by the last bit of 1 mm.
 pub const REST_SPEED: f64 = 1e-30;
 
 /// A force on single nodes, stored only if the scene has it.

@@ -31,7 +31,7 @@ pub enum SurfaceError {
     },
     /// Too many vertices around a triangle for the tables of a subdivision surface.
     #[error(
-        "surface triangle {triangle} with nodes {nodes:?} has {around} vertices around it: a subdivision surface takes at most {most}"
+        "surface triangle {triangle} with nodes {nodes:?} has {around} vertices around it: a subdivision surface allows at most {most}"
     )]
     Crowded {
         /// Index of the triangle.

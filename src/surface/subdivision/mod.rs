@@ -77,8 +77,9 @@ struct Child {
     powers: Option<Powers>,
 }
 
-/// Powers of the matrix A of a corner child that equals its parent, without the part that does not decay: Aⁿ = 1 lᵀ +
-/// Bⁿ. With that part separated, the small differences that determine tangents near the vertex keep all their digits.
+/// Powers of the matrix A of a corner child that equals its parent, without the part that does not decay:
+/// Aⁿ = 1 lᵀ + Bⁿ. With that part separated, the small differences that determine tangents near the vertex keep all
+/// their digits.
 #[derive(Debug, Clone)]
 struct Powers {
     /// Weights l of the limit of the vertex.
@@ -199,7 +200,7 @@ impl LimitSurface {
     }
 }
 
-/// Weights in the child at a corner: the others are doubled.
+/// Weights in the child at a corner: the other two are multiplied by `factor`.
 fn towards(mut weights: [f64; 3], corner: usize, factor: f64) -> [f64; 3] {
     let (i, j) = ((corner + 1) % 3, (corner + 2) % 3);
     weights[i] *= factor;
