@@ -59,7 +59,7 @@ pub struct Collision {
 /// assert!((hit.time - 0.75).abs() < 1e-15);
 /// assert!((block.position(&hit.point) - Vec3::new(0.001, 0.002, 0.0)).norm() < 1e-15);
 /// assert!(tested < 20, "of 448 triangles");
-/// assert_eq!(first_collision(&block, &block, inside, above, &mut hits, &mut tested), None); // the way out
+/// assert_eq!(first_collision(&block, &block, inside, above, &mut hits, &mut tested), None); // outward motion
 /// # Ok::<(), stickslip::scene::SceneError>(())
 /// ```
 pub fn first_collision(
