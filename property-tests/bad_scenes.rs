@@ -319,7 +319,12 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
     ("no file", BLOCK, "kind = \"file\"", &["`mesh.path` is missing", ".vtu"]),
     ("a missing file", BLOCK, "kind = \"file\"\npath = \"none.msh\"", &["none.msh", "cannot be read", "relative to"]),
     ("a folder", BLOCK, "kind = \"file\"\npath = \".\"", &["cannot be read", "relative to"]),
-    ("no mesh file", BLOCK, "kind = \"file\"\npath = \"scene.toml\"", &["no mesh file by its name", ".vtk legacy"]),
+    (
+        "no mesh file",
+        BLOCK,
+        "kind = \"file\"\npath = \"scene.toml\"",
+        &["not a mesh file by its extension", ".vtk legacy"],
+    ),
     ("a scale of zero", BLOCK, mesh_file!("solid-text.vtu", "scale = 0.0"), &["mesh.scale", "above 0"]),
     ("a scale of NaN", BLOCK, mesh_file!("solid-text.vtu", "scale = nan"), &["mesh.scale", "NaN"]),
     (

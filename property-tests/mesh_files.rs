@@ -206,7 +206,7 @@ fn what_is_no_body_is_refused_by_name() {
         ("one inverted", msh(&CORNERS, &[TETRAHEDRON, mixed]), "1 of 2 tetrahedra are inverted"),
         ("one twice", msh(&CORNERS, &[TETRAHEDRON, SECOND, TETRAHEDRON]), "tetrahedra 0 and 2 lie on the same side"),
         ("two pieces", msh(&apart, &[TETRAHEDRON, SECOND, (4, &[6, 7, 8, 9])]), "is 2 separate pieces, of 5, 4 nodes"),
-        ("second order", msh(&CORNERS, &[(11, &[1, 2, 3, 4, 5])]), "tetrahedron of second order (Gmsh type 11)"),
+        ("second order", msh(&CORNERS, &[(11, &[1, 2, 3, 4, 5])]), "second-order tetrahedron (Gmsh type 11)"),
         ("a hexahedron", msh(&CORNERS, &[TETRAHEDRON, (5, &[1, 2, 3, 4])]), "element 1 is a hexahedron"),
         ("an open surface", msh(&CORNERS, &FACES[..3]), "the surface is open"),
         ("a turned triangle", msh(&CORNERS, &[FACES[0], FACES[1], FACES[2], (2, &[3, 2, 4])]), "consistently oriented"),
@@ -237,7 +237,7 @@ fn what_is_no_body_is_refused_by_name() {
     assert!(wrong.is_empty(), "{wrong:#?}");
     for name in ["x.stl", "x", "x.msh.gz"] {
         let (message, advice) = made_of(good.as_bytes(), name, 1.0, Layers { count: 1, depth: 0.01 }).unwrap_err();
-        assert!(message.contains("no mesh file by its name") && advice.contains(".vtu"), "{message}");
+        assert!(message.contains("not a mesh file by its extension") && advice.contains(".vtu"), "{message}");
     }
     // VTK counts nodes: one that is not there is found as the cells are read.
     let vtk = "# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\n\
