@@ -26,7 +26,7 @@ const GIVEN: usize = usize::MAX;
 
 /// A step that was not solved.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
-#[error("implicit Euler of the network found no solution: velocities still change by {change:e} m/s")]
+#[error("implicit Euler of the network did not converge: velocities still change by {change:e} m/s")]
 pub struct NotSolved {
     /// Last change of velocity, m/s; NaN where the matrix is singular.
     pub change: f64,

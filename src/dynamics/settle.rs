@@ -10,7 +10,7 @@ use crate::model::state::ExternalForce;
 
 /// Largest force accepted on a free node, as a share of the largest weight of one.
 pub const RESIDUAL: f64 = 1e-12;
-/// Round-off of positions accepted in this force, as a share of the largest k L of a spring.
+/// Alternative limit of this force, as a share of the largest k L of a spring: round-off of positions.
 pub const ROUND_OFF: f64 = 1e-14;
 /// Iteration cap; hanging and standing networks need few iterations, buckling ones dozens.
 const ITERATIONS: u32 = 200;
