@@ -122,7 +122,7 @@ impl Scene {
             deadline.after = 1.0 / rate_hz;
         } else if !(deadline.after <= 1.0 / rate_hz) {
             let (after, tick_s) = (deadline.after, 1.0 / rate_hz);
-            let value = format!("{rate_hz} Hz with a deadline of {after} s: a tick is over after {tick_s} s");
+            let value = format!("{rate_hz} Hz with a deadline of {after} s: a tick lasts {tick_s} s");
             return Err(refused(Problem::NotAccepted { key, value }));
         }
         Ok(Self { local_rate_hz: rate_hz, ticks_per_cycle, tick_count, deadline, ..self })
