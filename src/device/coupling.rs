@@ -65,7 +65,7 @@ impl CouplingSettings {
     /// Checks that the settings are in range, and stable in ticks of `tick` seconds.
     ///
     /// # Errors
-    /// If a setting is not, with the first one.
+    /// If a setting is out of range, with the first one, or the coupling is unstable.
     pub fn check(&self, tick: f64) -> Result<(), CouplingError> {
         let Self { stiffness, damping, mass } = *self;
         for (name, value) in [("tick (s)", tick), ("stiffness (N/m)", stiffness), ("mass (kg)", mass)] {
@@ -150,7 +150,7 @@ impl VirtualCoupling {
 /// let mut controller = PassivityController::default();
 /// let force = Vec3::z(); // N
 /// let applied = controller.command(&force, &Vec3::zeros());
-/// assert_eq!(applied, force); // nothing has been given yet
+/// assert_eq!(applied, force); // no energy has been given out yet
 /// controller.hold(applied);
 /// // The motors push the hand away by 1 mm: the simulation has given 1 mJ that it never took in.
 /// let way = Vec3::z() * 1e-3;

@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use crate::Vec3;
 
-/// A tip position at a time.
+/// A waypoint: a tip position at a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Waypoint {
     /// Time, s.

@@ -49,7 +49,7 @@ pub struct CycleSettings {
     pub substeps: u32,
     /// Number of threads that share the steps.
     pub threads: Threads,
-    /// Ticks per cycle.
+    /// Number of ticks per cycle.
     pub ticks_per_cycle: u32,
     /// Local tick h, s.
     pub tick_s: f64,

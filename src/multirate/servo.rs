@@ -33,7 +33,7 @@ use crate::multirate::timeline::{DeadlineOutcome, OverrunPolicy};
 /// let skipped = servo.tick(DeadlineOutcome::Skipped)?;
 /// assert!(skipped.tip.z < servo.tip().z && servo.next_tick() == 153);
 ///
-/// // A tick in its three parts, for a loop that sleeps between the first and the second.
+/// // The three parts of a tick, for a loop that sleeps between the first and the second.
 /// let tip = servo.sense()?;
 /// let report = servo.compute(tip)?;
 /// assert_eq!(servo.conclude(tip, report, DeadlineOutcome::OnTime).force, report.force);

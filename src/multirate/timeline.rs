@@ -247,7 +247,7 @@ fn whole_ticks(ticks: f64) -> u64 {
     (ticks * (1.0 - 4.0 * f64::EPSILON)).ceil() as u64
 }
 
-/// Draws costs one by one.
+/// Draws computing times one by one.
 #[derive(Debug, Clone)]
 struct Draws {
     random: ChaCha8Rng,

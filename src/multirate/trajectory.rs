@@ -164,9 +164,9 @@ pub(super) struct PrescribedPatch<'a> {
     pub trajectory: &'a Trajectory,
     /// Number of the substep in the cycle, from 0.
     pub substep: u32,
-    /// Ticks per cycle.
+    /// Number of ticks per cycle.
     pub ticks: u32,
-    /// Substeps per cycle.
+    /// Number of substeps per cycle.
     pub substeps: u32,
 }
 

@@ -8,7 +8,7 @@ use std::mem::{MaybeUninit, size_of};
 /// Reads a clock, ns.
 fn read(clock: libc::clockid_t) -> u64 {
     let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
-    // SAFETY: `time` is a timespec of our own; it stays zero for a clock that does not exist.
+    // SAFETY: `time` is a local timespec; it stays zero for a clock that does not exist.
     unsafe { libc::clock_gettime(clock, &mut time) };
     time.tv_sec as u64 * 1_000_000_000 + time.tv_nsec as u64
 }
@@ -53,7 +53,7 @@ pub fn sleep_until_ns(until: u64) {
         tv_sec: (until / 1_000_000_000) as libc::time_t,
         tv_nsec: (until % 1_000_000_000) as libc::c_long,
     };
-    // SAFETY: `time` is valid, and no remainder is asked for.
+    // SAFETY: `time` is valid, and no remainder is requested.
     while unsafe { libc::clock_nanosleep(libc::CLOCK_MONOTONIC, libc::TIMER_ABSTIME, &time, std::ptr::null_mut()) }
         == libc::EINTR
     {}
@@ -79,14 +79,14 @@ fn done(result: libc::c_int) -> io::Result<()> {
 /// ```
 pub fn request_fifo(priority: i32) -> io::Result<()> {
     let parameters = libc::sched_param { sched_priority: priority };
-    // SAFETY: 0 is the calling thread; the parameters are ours.
+    // SAFETY: 0 is the calling thread; the parameters are local.
     done(unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &parameters) })
 }
 
 /// Returns the scheduling policy of the calling thread, and its priority.
 pub fn policy() -> (&'static str, i32) {
     let mut parameters = libc::sched_param { sched_priority: 0 };
-    // SAFETY: 0 is the calling thread; the parameters are ours.
+    // SAFETY: 0 is the calling thread; the parameters are local.
     let policy = unsafe {
         libc::sched_getparam(0, &mut parameters);
         libc::sched_getscheduler(0)
@@ -116,20 +116,20 @@ pub fn policy() -> (&'static str, i32) {
 /// }
 /// ```
 pub fn lock_memory() -> io::Result<()> {
-    // SAFETY: no pointers.
+    // SAFETY: no pointer is passed.
     done(unsafe { libc::mlockall(libc::MCL_CURRENT | libc::MCL_FUTURE) })
 }
 
 /// Unlocks the memory.
 pub fn unlock_memory() {
-    // SAFETY: no pointers.
+    // SAFETY: no pointer is passed.
     unsafe { libc::munlockall() };
 }
 
 /// Returns the CPUs that the calling thread may run on, ascending.
 pub fn affinity() -> Vec<usize> {
     let mut set = MaybeUninit::<libc::cpu_set_t>::zeroed();
-    // SAFETY: the set is ours, of the size that is said; all zero is a valid set.
+    // SAFETY: the set is local and of the stated size; all zero is a valid set.
     let set = unsafe {
         libc::sched_getaffinity(0, size_of::<libc::cpu_set_t>(), set.as_mut_ptr());
         set.assume_init()
@@ -186,7 +186,7 @@ impl Usage {
     /// Reads the counters of the calling thread.
     pub fn of_this_thread() -> Self {
         let mut usage = MaybeUninit::<libc::rusage>::zeroed();
-        // SAFETY: the structure is ours, and all zero is a valid one.
+        // SAFETY: the structure is local, and all zero is a valid value.
         let usage = unsafe {
             libc::getrusage(libc::RUSAGE_THREAD, usage.as_mut_ptr());
             usage.assume_init()

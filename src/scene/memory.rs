@@ -17,7 +17,7 @@ const BYTES_PER_SPRING: u128 = 300;
 const BYTES_PER_TICK: u128 = 256;
 
 /// Bytes of a condensed exterior per point to the power of 4/3, the growth of a factor under nested dissection in three
-/// dimensions: 900 measured for blocks of 1,000 to 10,000 nodes, matrix and pattern included.
+/// dimensions: 900 for blocks of 1,000 to 10,000 nodes, matrix and pattern included.
 const BYTES_PER_FACTOR_POINT: f64 = 1200.0;
 
 /// The settings of a run that determine its memory.

@@ -160,7 +160,7 @@ impl Scene {
     /// Reads a scene from text. `path` names it in errors; files that it mentions are relative to `path`.
     ///
     /// # Errors
-    /// As [`load`](Self::load).
+    /// If the text is not a scene, with file, line, column and accepted values.
     pub fn parse(text: &str, path: &Path) -> Result<Self, SceneError> {
         read::scene(text, path)
     }

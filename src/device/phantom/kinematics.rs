@@ -89,7 +89,7 @@ pub enum PoseError {
     NotFinite,
     /// The tip is too near to the shoulder, or too far.
     #[error(
-        "the tip would be {distance_m:.4} m from the shoulder, which the links reach from {:.3} m to {:.3} m only",
+        "the tip would be {distance_m:.4} m from the shoulder, but the links reach from {:.3} m to {:.3} m only",
         UPPER_LINK - FORE_LINK, UPPER_LINK + FORE_LINK
     )]
     Unreachable {

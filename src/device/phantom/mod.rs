@@ -96,9 +96,9 @@ impl Default for PhantomSettings {
 /// The accepted range of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Needs {
-    /// Above 0.
+    /// Finite and above 0.
     Positive,
-    /// At least 0.
+    /// Finite and at least 0.
     NotNegative,
     /// Neither NaN nor infinite.
     Finite,
@@ -131,10 +131,7 @@ pub enum DeviceError {
         needs: Needs,
     },
     /// The axes are not a rotation.
-    #[error(
-        "the axes' rotation is not one: its columns are not of length 1 and at right angles, or it mirrors (off by \
-         {deviation:e})"
-    )]
+    #[error("the axes' rotation is no rotation: its columns are not orthonormal, or it mirrors (off by {deviation:e})")]
     Rotation {
         /// Largest magnitude among the entries of RᵀR − 1 and det R − 1.
         deviation: f64,
@@ -146,7 +143,7 @@ pub enum DeviceError {
         substeps: u32,
         /// Tick h, s.
         tick_s: f64,
-        /// An upper bound of all rates, 1/s.
+        /// Upper bound of all rates, 1/s.
         rate: f64,
         /// Least number of substeps accepted.
         least: f64,
@@ -171,7 +168,7 @@ impl PhantomSettings {
     /// Checks that every parameter is in range, and that a tick, s, has enough substeps.
     ///
     /// # Errors
-    /// If a parameter is not, with the first one.
+    /// If a parameter is out of range, with the first one, or there are too few substeps.
     pub fn check(&self, tick: f64) -> Result<(), DeviceError> {
         let Self { axes, joints, actuation, hand, substeps } = self;
         let positive = [
@@ -359,7 +356,7 @@ impl Phantom {
         self.is_saturated
     }
 
-    /// Returns the mean magnitude of the commanded forces, N. Its weights decay exponentially: by 1/e over
+    /// Returns the mean magnitude of the commanded forces, N. Its weights decay exponentially: by a factor of e over
     /// `thermal_time`.
     pub fn mean_force_n(&self) -> f64 {
         self.mean_force
