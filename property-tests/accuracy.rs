@@ -82,7 +82,7 @@ fn what_runs_away_is_diverged_and_kept() {
     assert!(grid(&scene, Coverage::Default).expect("a grid").methods.contains(&own));
     let reference = Reference::of(&scene, own.touching).expect("it starts outside");
     let found = assess(&scene, &reference, scene.local());
-    assert!(found.record.fault.as_ref().is_some_and(|fault| fault.contains("ran away")), "{:?}", found.record.fault);
+    assert!(found.record.fault.as_ref().is_some_and(|fault| fault.contains("diverged: ")), "{:?}", found.record.fault);
     assert_eq!((found.status(true), found.status(false)), (Status::Diverged, Status::Diverged));
     assert_eq!(found.record.samples().len(), 1200);
     assert!(found.record.samples().last().is_some_and(|last| last.force.norm() == 0.0));

@@ -217,7 +217,7 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
         "a coupling too light",
         KIND,
         "kind = \"phantom-1.5\"\ncoupling = { mass = 1e-4 }",
-        &["instrument.coupling.mass", "swings up by itself"],
+        &["instrument.coupling.mass", "coupling alone is unstable"],
     ),
     (
         "negative joint friction",
@@ -295,7 +295,7 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
         "settling of what floats",
         "duration = 1.2",
         "duration = 1.2\nsettle = true",
-        &["node 0 hangs on no fixed node", "mesh.fixed", ":4:"],
+        &["node 0 is connected to no fixed node", "mesh.fixed", ":4:"],
     ),
     ("no nodes", "nodes = [9, 9, 4]", "", &["`mesh.nodes` is missing", "nodes along x, y and z"]),
     ("no spacing", "spacing = 0.0125", "", &["`mesh.spacing` is missing"]),

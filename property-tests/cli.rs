@@ -117,7 +117,7 @@ fn a_fault_ends_with_code_1_and_keeps_the_rows_before_it() {
     let output = run(Path::new("deep-stick-slip-faceted"), &out);
     assert_eq!(output.status.code(), Some(1));
     assert!(
-        stderr(&output).contains("fault at tick 884") && stderr(&output).contains("ran away"),
+        stderr(&output).contains("fault at tick 884") && stderr(&output).contains("diverged: "),
         "{}",
         stderr(&output)
     );

@@ -1,5 +1,4 @@
-//! The last station before the device: what reaches it is finite and within its limit, and a state
-//! that has run away latches a fault.
+//! The fail-safe before the device: it passes on finite forces only, and latches a fault when the state diverges.
 
 use thiserror::Error;
 
@@ -13,10 +12,10 @@ use crate::device::phantom::DeviceError;
 use crate::local::error::ModelError;
 use crate::model::state::State;
 
-/// A node further from its rest place than this many diagonals of the rest mesh has run away.
+/// A node has diverged if its displacement exceeds this many diagonals of the rest mesh.
 const RUNAWAY_DIAGONALS: f64 = 10.0;
 
-/// What went wrong.
+/// The cause of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[non_exhaustive]
 pub enum FaultCause {
@@ -26,55 +25,55 @@ pub enum FaultCause {
     /// A node's position or velocity is NaN or infinite.
     #[error("the state of node {node} is not finite")]
     StateNotFinite {
-        /// The node.
+        /// Index of the node.
         node: u32,
     },
     /// The model of the next cycle cannot be built.
     #[error(transparent)]
     NoModel(ModelError),
-    /// The instrument has left the range in which it can be simulated.
+    /// The instrument left the range in which it can be simulated.
     #[error(transparent)]
     Device(#[from] DeviceError),
-    /// An instrument of one's own cannot go on.
+    /// A custom instrument failed.
     #[error(transparent)]
     Instrument(InstrumentFault),
-    /// A renderer of one's own cannot go on.
+    /// A custom renderer failed.
     #[error(transparent)]
     Renderer(RendererFault),
-    /// A node is too far from its rest place.
-    #[error("node {node} ran away: {distance_m:.3} m from its rest place, more than {limit_m:.3} m")]
+    /// A node is too far from its rest position.
+    #[error("node {node} diverged: {distance_m:.3} m from its rest position, more than {limit_m:.3} m")]
     Runaway {
-        /// The node.
+        /// Index of the node.
         node: u32,
-        /// How far it is.
+        /// Distance from the rest position, m.
         distance_m: f64,
-        /// How far it may be.
+        /// Largest distance accepted, m.
         limit_m: f64,
     },
 }
 
-/// The end of a run: when, why, and in which state.
+/// The fault that ended a run: its tick, its cause and the state.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[error(
     "fault at tick {tick}: {cause} (mode {mode}, force [{:e}, {:e}, {:e}] N, tip [{}, {}, {}] m, model {model_age} ticks old)",
     force.x, force.y, force.z, tip.x, tip.y, tip.z
 )]
 pub struct Fault {
-    /// The tick that was being done.
+    /// Number of the tick in which the fault occurred.
     pub tick: u64,
-    /// Why.
+    /// Cause of the fault.
     pub cause: FaultCause,
-    /// Its mode.
+    /// Contact mode of the tick.
     pub mode: &'static str,
-    /// The force it would have commanded, N.
+    /// The contact force of the tick, N, which is not commanded.
     pub force: Vec3,
-    /// The tip at its end, m.
+    /// Tip position at the end of the tick, m.
     pub tip: Vec3,
-    /// Age of the local model.
+    /// Age of the local model, ticks.
     pub model_age: u64,
 }
 
-/// How far nodes may go from their rest places.
+/// Bounds on the displacement of nodes.
 ///
 /// ```
 /// use stickslip::multirate::failsafe::{Bounds, FaultCause};
@@ -95,20 +94,20 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// For a mesh at rest at these positions.
+    /// Sets bounds for a mesh with these rest positions.
     pub fn new(rest: &[Vec3]) -> Self {
         let lower = rest.iter().copied().reduce(|a, b| a.inf(&b)).unwrap_or_default();
         let upper = rest.iter().copied().reduce(|a, b| a.sup(&b)).unwrap_or_default();
         Self { runaway_m: RUNAWAY_DIAGONALS * (upper - lower).norm() }
     }
 
-    /// What is wrong with a network at a boundary: the exterior moves only there, so every node is looked at.
+    /// Finds a fault of the network at a boundary. The exterior moves only there, so every node is checked.
     pub fn network_cause(self, rest: &[Vec3], state: &State) -> Option<FaultCause> {
         let mut nodes = (0..).zip(rest).zip(state.x.iter().zip(&state.v));
         nodes.find_map(|((node, rest), (x, v))| self.node_cause(node, rest, x, v))
     }
 
-    /// What is wrong with a tick.
+    /// Finds a fault of a tick.
     fn tick_cause(self, local: &LocalSimulation, report: &TickReport) -> Option<FaultCause> {
         if let Some(fault) = local.renderer_fault() {
             return Some(FaultCause::Renderer(fault));
@@ -134,7 +133,7 @@ impl Bounds {
     }
 }
 
-/// Checks every tick; once it has found a fault it commands zero for good.
+/// The fail-safe: it checks every tick, and after the first fault commands zero for good.
 ///
 /// ```
 /// use stickslip::multirate::failsafe::{Bounds, FaultCause, FailSafe};
@@ -154,7 +153,7 @@ impl Bounds {
 /// assert_eq!((fault.tick, fault.cause), (1, FaultCause::ForceNotFinite));
 /// report.force.x = 0.0;
 /// assert_eq!(fail_safe.command(2, tip, &local, &report).map_err(|fault| fault.tick), Err(1)); // for good
-/// assert_eq!(fail_safe.latch(3, tip, FaultCause::StateNotFinite { node: 0 }).tick, 1); // the first is told
+/// assert_eq!(fail_safe.latch(3, tip, FaultCause::StateNotFinite { node: 0 }).tick, 1); // the first is reported
 /// # Ok::<(), stickslip::scene::SceneError>(())
 /// ```
 #[derive(Debug, Clone, Copy)]
@@ -164,15 +163,15 @@ pub struct FailSafe {
 }
 
 impl FailSafe {
-    /// Nothing is wrong yet.
+    /// Creates a fail-safe without a fault.
     pub fn new(bounds: Bounds) -> Self {
         Self { bounds, latched: None }
     }
 
-    /// The force to command after a tick.
+    /// Returns the force to command after a tick, N.
     ///
     /// # Errors
-    /// With the fault, in this tick and every later one.
+    /// If a fault occurs in this tick or has occurred in an earlier one.
     pub fn command(
         &mut self,
         tick: u64,
@@ -193,7 +192,7 @@ impl FailSafe {
         }
     }
 
-    /// A fault that shows outside of ticks: at a boundary.
+    /// Latches a fault found outside of ticks, as at a boundary.
     pub fn latch(&mut self, tick: u64, tip: Vec3, cause: FaultCause) -> Fault {
         let fault = Fault { tick, cause, mode: Mode::Free.name(), force: Vec3::zeros(), tip, model_age: 0 };
         *self.latched.get_or_insert(fault)

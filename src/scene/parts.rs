@@ -1,4 +1,4 @@
-//! What a scene needs of the program, and what is left out of its pipeline.
+//! The optional parts of the pipeline that a scene needs or omits.
 
 use std::fmt;
 
@@ -23,11 +23,11 @@ use crate::surface::support::Metric;
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Part {
-    /// What it is.
+    /// Name of the part.
     pub name: &'static str,
-    /// Whether this scene has it.
+    /// Whether the scene needs the part.
     pub needed: bool,
-    /// The value in the scene that decides.
+    /// The scene's value that decides.
     pub because: String,
 }
 
@@ -38,7 +38,7 @@ impl fmt::Display for Part {
 }
 
 impl Scene {
-    /// Every optional part, with what decides whether this scene has it.
+    /// Returns every optional part, with the value that decides whether this scene needs it.
     pub fn parts(&self) -> Vec<Part> {
         let part = |name, needed, because: String| Part { name, needed, because };
         let is = |key: &str, word: &str| format!("{key} = {word:?}");

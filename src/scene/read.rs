@@ -1,5 +1,5 @@
-//! From a scene file to a scene: defaults, units, files that it names, and keys that have no effect beside others. What
-//! has to hold of the result is [`super::check`]'s.
+//! Conversion of a scene file to a scene: defaults, units, files that it names, and keys without effect beside others.
+//! [`super::check`] checks the result.
 
 mod global;
 mod instrument;
@@ -79,7 +79,7 @@ fn assemble(file: SceneFile, folder: &Path) -> Read<Scene> {
     let tick_s = 1.0 / local_rate_hz;
     let (deadline, costs) = timing::timing(&file.timing, schedule, tick_s)?;
     if schedule == Schedule::Threads {
-        // A latency of none is what real time has anyway.
+        // A latency of zero agrees with real time.
         no_effect("sync.latency_ticks", file.sync.latency_ticks.is_some_and(|ticks| ticks > 0), check::IN_REAL_TIME)?;
     }
     if is_full {
