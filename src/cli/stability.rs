@@ -325,7 +325,7 @@ fn section(file: &StabilityFile) -> miette::Result<Markup> {
             "Longest stable time step of the local model of " (scene) " at rest, free and with a point held by the tip. \
              Lines, predicted: the spectral radius of the one-step matrix reaches 1, or the contact cannot hold. Marks, \
              measured: a perturbation of the running model begins to grow, or the model loses the tip. Lower panels: \
-             measured over predicted, with a grey band of ± 2 %. All parameters that are not varied are the scene's, \
+             measured over predicted, with a grey band of ± 2 %. Parameters that are not varied are the scene's, \
              except the contact scheme of integrators that need the velocity scheme. A drifting exterior has the \
              limits of a fixed one."
         }
