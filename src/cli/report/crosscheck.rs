@@ -70,7 +70,8 @@ pub fn section(found: &Result<CrossCheck, String>) -> Markup {
             Ok(check) => {
                 p {
                     "Quantities compared with independent references by " code { "reference/verify" } " on "
-                    (check.date) ", version " (check.version) ", commit " (check.commit) ". They are not part of this run."
+                    (check.date) ", version " (check.version) ", commit " (check.commit)
+                    ". They are not part of this run."
                 }
                 @for what in &check.failed { p.unexpected { "Failed: " (what) "." } }
                 @for what in &check.skipped { p { "Skipped: " (what) "." } }

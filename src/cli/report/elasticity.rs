@@ -94,8 +94,9 @@ pub fn section(rows: &[ElasticityRow], is_quick: bool) -> miette::Result<Markup>
         h2 #elasticity { "Elasticity" }
         p {
             "Blocks and bars of springs made from Young's modulus, in tension, hanging, confined, sheared, and loaded \
-             at a point, compared with the elastic solid with Poisson's ratio 1/4. A curve that falls to zero (lattices) \
-             converges to that solid under refinement. One that stays level does not: its height is the error of "
+             at a point, compared with the elastic solid with Poisson's ratio 1/4. A curve that falls to zero \
+             (lattices) converges to that solid under refinement. One that stays level does not: its height is the \
+             error of "
             code { "young_modulus" } " in every mesh of its kind."
         }
         @if is_quick { p { "A quick report omits the finest meshes." } }

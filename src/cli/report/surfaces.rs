@@ -74,7 +74,7 @@ const HEAD: [&str; 11] = [
     "largest jump (N)",
     "jump / mean force",
     "power above 100 Hz (N²)",
-    "ripple at the mesh spacing",
+    "ripple at edge crossings",
     "contact losses",
     "mode switches (1/s)",
     "energy residual",
@@ -106,7 +106,10 @@ pub fn section(compared: &[SurfaceEntry]) -> miette::Result<Markup> {
             "The deep drags with the whole network at the haptic rate, so that only the contact differs, over two \
              meshes of the same block, evaluated after the press. Filled marks: the coarser mesh."
         }
-        figure { (PreEscaped(figure)) figcaption { "Largest force jump (change between two ticks in contact) over the mean force." } }
+        figure {
+            (PreEscaped(figure))
+            figcaption { "Largest change of force between two ticks in contact over the mean force." }
+        }
         details {
             summary { "Table of all combinations" }
             (page::table("", HEAD, compared.iter().map(row)))

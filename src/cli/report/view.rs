@@ -58,9 +58,9 @@ pub fn section(reported: &[Reported]) -> miette::Result<Markup> {
     Ok(html! {
         h2 #view { "3-D view" }
         p {
-            "The surface as the servo loop has it. Orange nodes are the patch of the local model and move with every tick. \
-             All other nodes are where that model holds them until the next hand-over; dark nodes are fixed. The arrow \
-             is the force on the instrument."
+            "The surface as the servo loop has it. Orange nodes are the patch of the local model and move with every \
+             tick. All other nodes are where that model holds them until the next hand-over; dark nodes are fixed. \
+             The arrow is the force on the instrument."
         }
         @if !viewed.is_empty() {
             style { (PreEscaped(STYLE)) }
@@ -84,11 +84,14 @@ pub fn section(reported: &[Reported]) -> miette::Result<Markup> {
                     button #view-reset type="button" { "Reset view" }
                 }
                 p #view-keys {
-                    "Drag to turn; use the wheel or two fingers to zoom. Keys, with the view in focus: arrows turn, + and − \
-                     zoom, space plays and pauses, comma and full stop step."
+                    "Drag to turn; use the wheel or two fingers to zoom. Keys, with the view in focus: arrows turn, \
+                     + and − zoom, space plays and pauses, comma and full stop step."
                 }
             }
-            p #view-none { "The 3-D view needs JavaScript and WebGL, which this browser does not provide. The rest of the report is complete." }
+            p #view-none {
+                "The 3-D view needs JavaScript and WebGL, which this browser does not provide. The rest of the report is \
+                 complete."
+            }
             script #view-data type="application/json" { (PreEscaped(data)) }
             script { (PreEscaped(THREE)) }
             script { (PreEscaped(SCRIPT)) }
