@@ -62,7 +62,7 @@ pub struct FinishedRun {
 /// ```
 /// use stickslip::{output::files::run_into, scene::Scene};
 ///
-/// // the tip meets the block after 80
+/// // The tip meets the block after 80 ticks.
 /// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let folder = tempfile::tempdir()?;
 /// let run = run_into(&scene, folder.path(), |_| ())?;

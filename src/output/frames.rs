@@ -19,7 +19,7 @@ const STEPS: f64 = u16::MAX as f64;
 /// ```
 /// use stickslip::{output::frames::{FrameRecorder, NoFrames}, pipeline, scene::Scene};
 ///
-/// // the tip meets the block after 80
+/// // The tip meets the block after 80 ticks.
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let record = |most_bytes| {
 ///     let mut recorder = FrameRecorder::new(&scene, most_bytes);

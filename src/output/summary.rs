@@ -44,7 +44,7 @@ impl Summary {
 /// ```
 /// use stickslip::{output::summary::Recorder, pipeline, scene::Scene};
 ///
-/// // the tip meets the block after 80
+/// // The tip meets the block after 80 ticks.
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let mut recorder = Recorder::default();
 /// pipeline::run(&scene, |tick| recorder.record(tick))?;
@@ -143,8 +143,8 @@ pub struct DeviceSummary {
     pub passivity_control_ticks: u64,
     /// Net energy that the hand received at the stylus, J.
     pub energy_to_hand_j: f64,
-    /// Maximum over time of the net energy to the hand, J; at least 0, its value at the start. Above 0, the hand received
-    /// more than it had given, by the motors or by the weight of the links.
+    /// Maximum over time of the net energy to the hand, J; at least 0, its value at the start. Above 0, the hand
+    /// received more than it had given, from the motors or from the weight of the links.
     pub largest_energy_to_hand_j: f64,
 }
 

@@ -11,7 +11,7 @@ use crate::surface::geometry::ContactPoint;
 /// ```
 /// use stickslip::{output::trace::TraceRow, pipeline, scene::Scene};
 ///
-/// // the tip meets the block after 80
+/// // The tip meets the block after 80 ticks.
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let mut trace = csv::Writer::from_writer(Vec::new());
 /// pipeline::run(&scene, |tick| trace.serialize(TraceRow::new(tick)).expect("a row fits the header"))?;

@@ -37,7 +37,7 @@ const FRAMES: &str = "vtk";
 /// ```
 /// use stickslip::{output::vtk::VtkWriter, pipeline, scene::Scene};
 ///
-/// // the tip meets the block after 80
+/// // The tip meets the block after 80 ticks.
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let folder = tempfile::tempdir()?;
 /// let mut writer = VtkWriter::new(folder.path(), 50)?;

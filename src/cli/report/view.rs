@@ -89,8 +89,8 @@ pub fn section(reported: &[Reported]) -> miette::Result<Markup> {
                 }
             }
             p #view-none {
-                "The 3-D view needs JavaScript and WebGL, which this browser does not provide. The rest of the report is \
-                 complete."
+                "The 3-D view needs JavaScript and WebGL, which this browser does not provide. The rest of the report \
+                 is complete."
             }
             script #view-data type="application/json" { (PreEscaped(data)) }
             script { (PreEscaped(THREE)) }

@@ -24,7 +24,7 @@ const BUCKETS: usize = 2000;
 /// use stickslip::{output::figures::forces::forces, output::summary::Recorder};
 /// use stickslip::{pipeline, scene::Scene};
 ///
-/// // the tip meets the block after 80
+/// // The tip meets the block after 80 ticks.
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let mut recorder = Recorder::default();
 /// pipeline::run(&scene, |tick| recorder.record(tick))?;

@@ -37,9 +37,9 @@ const COLOURS: [RGBColor; 2] = [BLUE, ORANGE];
 /// Smallest ratio on the axis, whose largest is 2 less this one.
 const LEAST_RATIO: f64 = 0.95;
 
-/// Draws predicted (lines) and measured (marks) stability limits at every value of the varied parameter, with their ratio
-/// below, as an SVG document with a panel per integrator. Steps are on a logarithmic scale; "no limit" is a line above
-/// it. There are at most four series: the last two are dashed, with hollow marks around those of the first two.
+/// Draws predicted (lines) and measured (marks) stability limits at every value of the varied parameter, with their
+/// ratio below, as an SVG document with a panel per integrator. Steps are on a logarithmic scale; "no limit" is a line
+/// above it. There are at most four series: the last two are dashed, with hollow marks around those of the first two.
 ///
 /// # Errors
 /// If the plotting library cannot draw it.
