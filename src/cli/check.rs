@@ -59,7 +59,7 @@ fn rounds(text: &str) -> Result<usize, String> {
     rounds.ok_or_else(|| format!("give a whole number from {FEWEST_PAIRS} to {MOST_PAIRS}"))
 }
 
-/// `check.json`.
+/// Contents of `check.json`.
 #[derive(Serialize)]
 struct CheckFile<'a> {
     version: &'static str,

@@ -33,7 +33,7 @@ use crate::scene::{Expectation, SHIPPED, Scene, SceneError};
 
 /// No verdict is FAIL or INCONCLUSIVE, and no fault ended a run.
 const PASS: u8 = 0;
-/// A verdict is FAIL, or a fault ended a run.
+/// A verdict is FAIL, a fault ended a run, or no local model is within the budget.
 const FAIL: u8 = 1;
 /// A verdict is INCONCLUSIVE, and none is FAIL.
 #[cfg(all(feature = "realtime", target_os = "linux"))]

@@ -30,7 +30,7 @@ const LONG: [&str; 1] = ["rest-24h"];
 /// Time after which an extreme scene counts as hung.
 const PATIENCE: Duration = Duration::from_secs(300);
 
-/// `stability.json`.
+/// Contents of `stability.json`.
 #[derive(Serialize)]
 pub struct StabilityFile {
     version: &'static str,

@@ -76,7 +76,7 @@ impl Budget {
     }
 }
 
-/// `accuracy.json`.
+/// Contents of `accuracy.json`.
 #[derive(Serialize)]
 pub struct AccuracyFile {
     pub scene: String,

@@ -12,7 +12,7 @@ use crate::cli::page;
 /// Path of the file that `reference/verify` writes, relative to the clone.
 const FILE: &str = "reports/crosscheck.json";
 
-/// `crosscheck.json`.
+/// Contents of `crosscheck.json`.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct CrossCheck {
     /// Version of the program that was checked.

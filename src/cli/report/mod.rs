@@ -60,7 +60,7 @@ const LOOP_SCENE: &str = "fig5-stick-slip";
 #[cfg(all(feature = "realtime", target_os = "linux"))]
 const CERTIFICATE_S: f64 = 5.0;
 
-/// `report.json`.
+/// Contents of `report.json`.
 #[derive(Serialize)]
 struct ReportFile<'a> {
     provenance: &'a Origin,
