@@ -272,7 +272,7 @@ fn timing_has_a_control_and_no_say_in_the_verdict() {
     let output = timed(&this, "6");
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert_eq!(output.status.code(), Some(0), "{text}{}", stderr(&output));
-    for word in ["median ratio", "96.9 % interval", "control", "the smallest effect it could have seen is"] {
+    for word in ["median ratio", "96.9 % interval", "control", "the smallest detectable effect is"] {
         assert!(text.contains(word), "{word} is not in\n{text}");
     }
     assert_eq!(timed(&this, "5").status.code(), Some(2));

@@ -87,7 +87,7 @@ fn accuracy_compares_methods_and_repeats_but_for_the_clock_and_the_budget() {
     assert_eq!(json["references"].as_array().expect("references").len(), 2);
     let best = json["best"]["point"].as_u64().expect("an index") as usize;
     assert_eq!(json["best"]["name"], points[best]["name"]);
-    assert!(stdout.contains("Best within") && stdout.contains("paper"), "{stdout}");
+    assert!(stdout.contains("Most accurate local model within") && stdout.contains("paper"), "{stdout}");
 
     let page = fs::read_to_string(folder.path("a").join("index.html")).expect("a page");
     assert_eq!(page.matches("<svg").count(), 6);
@@ -100,7 +100,7 @@ fn accuracy_compares_methods_and_repeats_but_for_the_clock_and_the_budget() {
     // Again, with a budget that nothing meets.
     let (code, again, stdout) = accuracy(&scene, &folder.path("b"), "1e-3");
     assert_eq!(code, Some(1), "{stdout}");
-    assert!(again["best"].is_null() && stdout.contains("No method is within 0.001 µs"), "{stdout}");
+    assert!(again["best"].is_null() && stdout.contains("No local model is within 0.001 µs"), "{stdout}");
     let points = again["points"].as_array().expect("points");
     assert!(points.iter().all(|point| point["status"] == "overrun" || point["status"] == "diverged"));
     assert_eq!(timeless(json), timeless(again));
