@@ -140,18 +140,18 @@ pub type Twin = fn(&mut Scene);
 impl Quantity {
     fn name(&self) -> &'static str {
         match self {
-            Quantity::Balance => "instrument, ground and weight in balance",
-            Quantity::SameAs(..) => "force of the twin at every tick",
-            Quantity::EndsAs(_) => "force of the twin at the end",
+            Quantity::Balance => "imbalance of instrument, ground and weight",
+            Quantity::SameAs(..) => "difference from the reference run's force at every tick",
+            Quantity::EndsAs(_) => "difference from the reference run's force at the end",
             Quantity::Coulomb => "F_T beyond μ F_N (N)",
-            Quantity::EnergyBalance => "energy balance",
-            Quantity::EnergyKept => "energy of the free body",
-            Quantity::Moved(_) => "furthest from rest (m)",
-            Quantity::Remains => "from rest at the end (m)",
+            Quantity::EnergyBalance => "energy residual over work",
+            Quantity::EnergyKept => "change of the free body's energy",
+            Quantity::Moved(_) => "largest distance from rest (m)",
+            Quantity::Remains => "distance from rest at the end (m)",
             Quantity::Force => "largest force (N)",
-            Quantity::Ends(_) => "force at the end",
+            Quantity::Ends(_) => "deviation of the force at the end",
             Quantity::OrderInAge(_) => "order of the error in the age of models",
-            Quantity::FellBack => "models that fell back",
+            Quantity::FellBack => "share of models that fell back",
         }
     }
 
@@ -212,7 +212,7 @@ impl fmt::Display for Expected {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Expected::Answer(quantities) => {
-                write!(f, "answer: ")?;
+                write!(f, "result: ")?;
                 for (i, (quantity, tolerance)) in quantities.iter().enumerate() {
                     let bound = if quantity.is_floor() { "≥" } else { "≤" };
                     write!(f, "{}{} {bound} {tolerance:.0e}", if i > 0 { "; " } else { "" }, quantity.name())?;
@@ -221,7 +221,7 @@ impl fmt::Display for Expected {
             }
             Expected::Fault(FaultKind::ForceNotFinite) => f.write_str("fault: force not finite"),
             Expected::Fault(FaultKind::StateNotFinite) => f.write_str("fault: state not finite"),
-            Expected::Fault(FaultKind::Runaway) => f.write_str("fault: runaway"),
+            Expected::Fault(FaultKind::Runaway) => f.write_str("fault: diverged"),
             Expected::Fault(FaultKind::NoModel) => f.write_str("fault: no model"),
             Expected::Fault(FaultKind::Device) => f.write_str("fault: device out of range"),
             Expected::Fault(FaultKind::Renderer) => f.write_str("fault: renderer failed"),
@@ -251,12 +251,12 @@ impl fmt::Display for Got {
                 for (i, m) in measured.iter().enumerate() {
                     write!(f, "{}{} {:.1e}", if i > 0 { "; " } else { "" }, m.quantity, m.value)?;
                 }
-                if *tunnelling_ticks > 0 { write!(f, "; unfelt inside for {tunnelling_ticks} ticks") } else { Ok(()) }
+                if *tunnelling_ticks > 0 { write!(f, "; tunnelled for {tunnelling_ticks} ticks") } else { Ok(()) }
             }
             Got::Fault(fault) => fault.fmt(f),
             Got::Refused(error) => f.write_str(error),
             Got::Panicked => f.write_str("the simulation panicked"),
-            Got::Hung => f.write_str("the simulation did not come to an end"),
+            Got::Hung => f.write_str("the simulation did not end"),
         }
     }
 }
