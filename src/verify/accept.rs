@@ -14,8 +14,8 @@ use crate::scene::Scene;
 #[derive(Debug, Error, Diagnostic)]
 pub enum AcceptError {
     /// No reason was given.
-    #[error("a baseline is not changed without a reason")]
-    #[diagnostic(help("say with --reason what changed the results and why that is right"))]
+    #[error("a baseline cannot be changed without a reason")]
+    #[diagnostic(help("state with --reason what changed the results and why the change is right"))]
     NoReason,
     /// The present baseline cannot be read, and its record would be lost.
     #[error(transparent)]

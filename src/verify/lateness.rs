@@ -112,7 +112,7 @@ impl Run {
 /// let consequences = consequences(&scene)?;
 /// assert_eq!(consequences.on_time.force_error_rms_rel, Some(0.0));
 /// assert_eq!(consequences.late.len(), 3 * SHARES.len()); // hold, zero, skip
-/// // Where every tenth force is zero instead, the hand feels it drop.
+/// // Where every tenth force is replaced by zero, the force drops.
 /// let zero = consequences.late.iter().find(|each| each.overrun.name() == "zero" && each.share == 0.1);
 /// let zero = zero.expect("a policy that is looked at");
 /// assert!(zero.missed_ticks[0] > 0 && zero.largest_jump_n > consequences.on_time.largest_jump_n);
