@@ -436,7 +436,8 @@ fn inside_and_outside_are_those_of_the_solid_angle() {
 /// A projection ends at the point that its definition gives, from wherever the walk started.
 #[test]
 fn projections_satisfy_their_definition() {
-    // Distances of some millimetres; Newton stops at 1e-12 in the weights, where its convergence is quadratic. Measured: 8e-18.
+    // Distances of some millimetres; Newton stops at 1e-12 in the weights, where its convergence is quadratic.
+    // Measured: 8e-18.
     let plane = Worst::new("geometry", "faceted: q - p along the face normal, m", 1e-16);
     let field = Worst::new("geometry", "shaded: q - p along the interpolated normal, m", 1e-16);
     let dent = Dent::new(0.003);

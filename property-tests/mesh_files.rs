@@ -339,8 +339,8 @@ fn bytes_are_read_in_either_order() {
     }
 }
 
-/// An icosahedron whose triangles are divided into four, with its corners on a sphere of 50 mm. Every corner lies on an axis
-/// of symmetry, so normals at corners are radial.
+/// An icosahedron whose triangles are divided into four, with its corners on a sphere of 50 mm. Every corner lies on
+/// an axis of symmetry, so normals at corners are radial.
 fn ball() -> MeshFile {
     let golden = (1.0 + 5.0_f64.sqrt()) / 2.0;
     let mut corners: Vec<Vec3> = Vec::new();
