@@ -1,5 +1,5 @@
-//! `stickslip check`: what differs from a baseline is found and named, and nothing but `--accept`
-//! changes one.
+//! `stickslip check`: every difference from a baseline is found and named, and only `--accept`
+//! changes a baseline.
 
 use std::fs;
 use std::path::Path;
@@ -53,7 +53,7 @@ fn write(folder: &Folder, scene: &str, baseline: &Value) {
     folder.write(&format!("baselines/{scene}.json"), &baseline.to_string());
 }
 
-/// The value of a quantity at a kept tick.
+/// Returns the value of a quantity at a kept tick.
 fn value<'a>(baseline: &'a mut Value, quantity: &str, tick: u64) -> &'a mut Value {
     let results = &mut baseline["results"];
     let names = results["quantities"].as_array().expect("names");
@@ -84,7 +84,7 @@ fn the_shipped_baselines_hold_in_a_clone_and_out_of_one() {
     }
 }
 
-/// (what, scene, what is done to its baseline, words of one line of the table)
+/// Cases: (name, scene, change of its baseline, words of one line of the table).
 type Change = (&'static str, &'static str, fn(&mut Value), &'static [&'static str]);
 
 const FAILING: &[Change] = &[
@@ -163,7 +163,7 @@ fn round_off_passes_and_less_work_is_reported() {
     assert!(table.lines().any(improved), "{table}");
 }
 
-/// A way to change the solver, and the first tick at which that can show.
+/// Change of the solver, and the first tick at which it can show.
 type Changed = (&'static str, fn(&mut Scene), u64);
 
 fn change_local(scene: &mut Scene, change: fn(&mut LocalSettings)) {
@@ -172,7 +172,7 @@ fn change_local(scene: &mut Scene, change: fn(&mut LocalSettings)) {
     *scene = scene.clone().with_local_model(local);
 }
 
-/// Solvers other than the one that was accepted, doing the same scene. A cycle is 100 ticks, and
+/// Solvers other than the accepted one, on the same scene. A cycle has 100 ticks, and
 /// every 20th tick is kept.
 const OTHER_SOLVERS: &[Changed] = &[
     ("another global integrator", |scene| scene.global.integrator = GlobalIntegrator::Rk4, 100),

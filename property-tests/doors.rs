@@ -1,5 +1,5 @@
-//! The doors for a renderer, an instrument and a contact law of one's own: what they promise, and that what goes through
-//! them is what the built-in parts do.
+//! Renderers, instruments and contact laws from outside: they keep their contracts, and the built-in parts give the
+//! same results through the public traits.
 
 use std::any::Any;
 
@@ -16,7 +16,7 @@ use stickslip::{
 
 use crate::check::{Worst, shipped};
 
-/// The paper's local model, brought from outside.
+/// The paper's local model, as a renderer from outside.
 #[derive(Debug, Clone)]
 struct Ours {
     rules: ContactRules,
@@ -79,7 +79,7 @@ fn with_renderer(renderer: impl Renderer + 'static) -> OwnParts {
     OwnParts { renderer: Some(Box::new(renderer)), ..OwnParts::default() }
 }
 
-/// The seam adds nothing: our own local model through it commands the same forces to the bit, hand-overs included.
+/// The paper's model through the public trait commands the built-in model's forces to the bit, hand-overs included.
 #[test]
 fn the_built_in_local_model_through_the_seam_gives_the_same_bits() {
     for name in ["fig3-sliding", "fig5-stick-slip", "fig5-stick-slip-subdivision"] {
@@ -90,7 +90,7 @@ fn the_built_in_local_model_through_the_seam_gives_the_same_bits() {
     }
 }
 
-/// A constant push at one point of the surface, which moves no nodes itself.
+/// Renderer of a constant force on one point of the surface, which moves no nodes itself.
 #[derive(Debug, Clone)]
 struct Push {
     force: Vec3,
@@ -137,7 +137,7 @@ fn a_renderer_that_moves_no_nodes_pushes_the_network() {
     }
 }
 
-/// What goes wrong in a part of one's own ends the run with a fault that names it, and nothing of it is commanded.
+/// A failure of a part from outside ends the run with a fault that names it, and nothing of it is commanded.
 #[test]
 fn faults_of_own_parts_are_named() {
     #[derive(Debug, Clone)]
@@ -207,7 +207,7 @@ fn a_renderer_without_a_cycle_is_refused() {
     assert!(refused.contains("sync.mode"), "{refused}");
 }
 
-/// A copy taken in the middle of a run goes on to the same bits, whichever part is one's own.
+/// A copy taken in the middle of a run continues with identical bits, whichever part is from outside.
 #[test]
 fn copies_of_a_run_go_on_alike() {
     let scene = shipped("fig5-stick-slip");
@@ -226,7 +226,7 @@ fn copies_of_a_run_go_on_alike() {
     }
 }
 
-/// Coulomb's law brought from outside.
+/// Coulomb's law, as a law from outside.
 #[derive(Debug)]
 struct Coulomb(f64);
 
@@ -243,7 +243,7 @@ impl ContactLaw for Coulomb {
     }
 }
 
-/// Under explicit steps the built-in law and the same from outside give the same bits, by either scheme.
+/// Under explicit steps the built-in law and its copy from outside give identical bits, in either scheme.
 #[test]
 fn the_built_in_law_through_the_door_gives_the_same_bits() {
     static COULOMB: Coulomb = Coulomb(1.0);
@@ -273,7 +273,7 @@ fn the_default_impulse_of_an_own_law_keeps_contact_and_bound() {
     follows.check((g * held.value - r).norm() / r.norm());
 }
 
-/// Every door can be moved to another thread.
+/// Every part from outside can be moved to another thread.
 #[test]
 fn own_parts_are_send() {
     fn is_send<T: Send>() {}

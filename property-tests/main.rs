@@ -1,5 +1,5 @@
-//! Properties that hold for every network, contact and run. Each test prints the largest residual it
-//! saw beside its tolerance; every comparison is written so that NaN fails.
+//! Properties that hold for every network, contact and run. Each test prints its largest residual
+//! beside its tolerance; every comparison fails on NaN.
 
 mod accuracy;
 mod built_scenes;

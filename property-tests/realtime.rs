@@ -1,4 +1,4 @@
-//! The servo loop against the clock. What it takes decides nothing here; what it does, does.
+//! The servo loop in real time. The tests check its behaviour, and none depends on its duration.
 #![cfg(all(feature = "realtime", target_os = "linux"))]
 
 use std::sync::Mutex;
@@ -21,7 +21,7 @@ use stickslip::verify::lateness::consequences;
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// One loop at a time: they share the last CPU.
+/// Allows one loop at a time: they share the last CPU.
 static TURN: Mutex<()> = Mutex::new(());
 
 fn scene(text: &str) -> Scene {
@@ -78,14 +78,14 @@ fn a_recording_survives_its_file_and_betrays_what_was_changed() {
     let changed = pass.clone();
     assert_eq!(again(&run.session, &changed), ReplayOutcome::Differs { tick: Some(tick as u64) });
 
-    // Without a tape the checksum tells.
+    // Without a tape the checksum detects it.
     let mut untaped = whole.clone();
     untaped.tape.clear();
     assert_eq!(again(&run.session, &untaped), ReplayOutcome::Same { fault: None });
     untaped.checksum = "0000000000000000".to_owned();
     assert_eq!(again(&run.session, &untaped), ReplayOutcome::Differs { tick: None });
 
-    // A model that never came makes other forces.
+    // A missing model changes the forces.
     let mut lost = whole.clone();
     lost.times.arrivals.remove(0);
     assert!(matches!(again(&run.session, &lost), ReplayOutcome::Differs { tick: Some(_) }));
@@ -98,7 +98,7 @@ fn the_servo_thread_allocates_nothing_in_its_window() {
         assert_eq!(window.allocations, Some(0));
         println!("RESIDUAL | servo thread | page faults in the window | 0 | {}", window.page_faults);
     }
-    // The counter counts.
+    // The allocation counter does count.
     let before = allocations::on_this_thread().expect("this test has the counting allocator");
     drop(std::hint::black_box(Box::new(1)));
     assert_eq!(allocations::on_this_thread(), Some(before + 2));
@@ -128,14 +128,14 @@ fn a_fault_ends_the_loop_and_comes_again() {
         ReplayOutcome::Same { fault: Some(fault) } => assert_eq!(fault.to_string(), recorded),
         other => panic!("{other:?}"),
     }
-    // Without its fault it is another run: one that should have gone on.
+    // Without its fault it is another run: one that should have continued.
     let mut cut = pass.clone();
     cut.fault = Some("another".to_owned());
     assert!(matches!(again(&run.session, &cut), ReplayOutcome::Ended { .. }));
     assert_eq!(run.session.overrun, OverrunPolicy::Hold);
 }
 
-/// A loop whose ticks took this: release, response, CPU time, in ns.
+/// Builds a loop with given release, response and CPU time of its ticks, in ns.
 fn served(ticks: impl Iterator<Item = [u64; 3]> + Clone, deadline_ns: u64, policy: &'static str) -> Served {
     let mut meter = Meter::new(ticks.clone().count() as u64, deadline_ns);
     for (tick, [release_ns, response_ns, cpu_ns]) in (0..).zip(ticks) {
@@ -187,7 +187,7 @@ fn verdicts_follow_from_what_was_measured() {
     let late_at = |at: u64, cpu: u64| move |tick| if tick == at { [30_000, 1_500_000, cpu] } else { quiet(tick) };
     let one_late = served((0..5000).map(late_at(77, 6_000)), DEADLINE_NS, "SCHED_FIFO");
     assert_eq!(judge(&one_late), (Pass, Fail));
-    // On the deadline is in time, a nanosecond later is not.
+    // A response on the deadline is in time, and one a nanosecond later is not.
     let exactly =
         |ns| served((0..5000).map(move |t| if t == 7 { [0, ns, 9] } else { quiet(t) }), DEADLINE_NS, "SCHED_FIFO");
     assert_eq!(judge(&exactly(DEADLINE_NS)).1, Pass);
@@ -202,13 +202,13 @@ fn verdicts_follow_from_what_was_measured() {
     assert_eq!(judge(&with(Some(1))).0, Fail);
     assert_eq!(judge(&with(None)).0, Inconclusive);
 
-    // Slow once is not slow: done again, the tick tells.
+    // A tick that is slow once does not fail; one that is slow when repeated does.
     let much_cpu = served((0..5000).map(late_at(77, 1_400_000)), DEADLINE_NS, "SCHED_FIFO");
     assert_eq!(judge(&much_cpu).0, Inconclusive);
     assert_eq!(verdicts(&judged(&much_cpu, vec![worst(1_100_000)], true)).0, Fail);
     assert_eq!(verdicts(&judged(&quiet_loop(), vec![worst(9_000)], false)).0, Fail);
 
-    // Other forces, where the global side saw another path than was gone: that says nothing of the program.
+    // Different forces from a path with gaps on the global side do not count against the program.
     let lossy = |allocations| {
         let window = Window { allocations: Some(allocations), lost_notes: 3, ..Window::default() };
         judged(&Served { window, ..quiet_loop() }, vec![worst(9_000)], false)
@@ -224,10 +224,10 @@ fn verdicts_follow_from_what_was_measured() {
 #[test]
 fn misses_are_counted_exactly_and_explained_one_by_one() {
     let ticks = |tick: u64| match tick {
-        // Released late; the one after it follows from it.
+        // This tick is released late, and the next one follows from it.
         100 => [1_800_000, 1_805_000, 5_000],
         101 => [1_200_000, 1_205_000, 5_000],
-        // Off the CPU in the middle.
+        // This tick is off the CPU in the middle.
         2000 => [20_000, 2_000_000, 6_000],
         _ => quiet(tick),
     };
@@ -237,7 +237,7 @@ fn misses_are_counted_exactly_and_explained_one_by_one() {
     assert_eq!(platform.response_ns.max, 2_000_000);
     let causes: Vec<(u64, MissCause)> = certificate.misses.iter().map(|miss| (miss.times.tick, miss.cause)).collect();
     assert_eq!(causes[..2], [(100, MissCause::Release), (101, MissCause::Release)]);
-    // Whether something took the CPU away is read from the counters of this very thread.
+    // Whether something else took the CPU is read from the counters of this very thread.
     assert!(matches!(causes[2..], [(2000, MissCause::Unknown | MissCause::Preempted)]), "{causes:?}");
     let bound = certificate.miss_rate.ticks.as_ref().expect("there are ticks");
     assert!(bound.estimate < bound.upper && bound.upper < 0.01);
@@ -259,7 +259,7 @@ fn a_ring_that_is_full_counts_what_it_loses_and_waits_for_nobody() {
         up.end_tick(&servo);
     }
     assert!(up.lost() > 0);
-    // What did get in comes out in order, cycle by cycle.
+    // The notes that fitted come out in order, cycle by cycle.
     let boundaries: Vec<u64> = std::iter::from_fn(|| down.next_cycle()).map(|(boundary, _)| boundary).collect();
     assert!(boundaries.len() >= 4, "{boundaries:?}");
     assert!((1..).zip(&boundaries).all(|(n, &boundary)| boundary == 10 * n), "{boundaries:?}");

@@ -8,7 +8,7 @@ use stickslip::verify::lateness::{SHARES, consequences};
 
 const SCENE: &str = "fig5-stick-slip";
 
-/// What a run commands and does, tick by tick.
+/// Commands and actions of a run, tick by tick.
 #[derive(Debug, Clone, PartialEq)]
 struct Run {
     commanded: Vec<Vec3>,
@@ -82,7 +82,7 @@ fn the_same_seed_gives_the_same_misses_and_another_one_others() {
     let mut other = drawn.clone();
     other.costs.as_mut().expect("it has costs").seed = 8;
     assert_ne!(run.late(), Run::of(&other, None).late());
-    // 1200 draws of probability 0.05: 60, give or take four standard deviations of 7.5.
+    // 1200 draws of probability 0.05: 60, with a tolerance of four standard deviations of 7.5.
     assert!((30..=90).contains(&run.late().len()), "{} late ticks", run.late().len());
 }
 
@@ -100,7 +100,7 @@ fn holding_repeats_the_last_command_and_zero_commands_none() {
             assert_eq!(run.commanded[tick], force, "tick {tick} under {overrun:?}");
             last = force;
         }
-        // An instrument that goes its way whatever the force: the mesh does not notice.
+        // This instrument's path does not depend on the force, so the mesh is not affected.
         assert_eq!(run.computed, Run::of(&Scene::shipped(SCENE).expect("shipped"), None).computed);
     }
 }
@@ -114,7 +114,7 @@ fn an_overrun_of_two_and_a_half_ticks_skips_two_and_pushes_the_tip_on_at_once() 
     let plain = Run::of(&Scene::shipped(SCENE).expect("shipped"), None);
     assert_eq!(run.computed[..=late], plain.computed[..=late]);
     assert_eq!(run.tips, plain.tips);
-    // The late force goes out before the next tick that is computed.
+    // The late force is commanded before the next computed tick.
     assert!(run.commanded[late..=late + 2].iter().all(|force| *force == run.commanded[late - 1]));
     assert_eq!(run.computed[late + 1..=late + 2], [run.computed[late]; 2]);
     assert_eq!(run.commanded[late + 3], run.computed[late + 3]);
@@ -129,9 +129,9 @@ fn models_come_when_they_are_ready_and_a_busy_side_leaves_boundaries_out() {
     };
     let every = |start: u64, step: usize| (start..1200).step_by(step).collect::<Vec<u64>>();
     assert_eq!(first_ticks(0.03), every(130, 100));
-    // Exactly a cycle: none is left out, each comes as the next begins.
+    // Building takes exactly a cycle: none is omitted, and each arrives as the next begins.
     assert_eq!(first_ticks(0.1), every(200, 100));
-    // A cycle and a half: from 100 till 250, then from the newest boundary, 200, till 400, then from 400 ...
+    // Building takes a cycle and a half: from 100 to 250, then from the newest boundary, 200, to 400, then from 400 ...
     assert_eq!(first_ticks(0.15), every(250, 150));
 }
 
@@ -170,7 +170,7 @@ fn a_log_normal_cost_has_the_percentiles_it_is_given_by() {
         (0..ticks).filter(|&tick| timeline.deadline_outcome(tick) != DeadlineOutcome::OnTime).count() as f64
             / ticks as f64
     };
-    // Four standard deviations of a share of 20,000 draws.
+    // The tolerance is four standard deviations of a share of 20,000 draws.
     for (deadline, share) in [(2e-4, 0.5), (9e-4, 0.01)] {
         let four = 4.0 * f64::sqrt(share * (1.0 - share) / ticks as f64);
         let found = share_above(deadline);
@@ -188,7 +188,7 @@ fn more_lateness_does_more_and_none_does_nothing() {
         let errors: Vec<f64> = of_policy.iter().map(|c| c.force_error_rms_rel.expect("no fault")).collect();
         assert!(errors.windows(2).all(|pair| pair[0] <= pair[1]) && errors[2] > 0.0, "{of_policy:?}");
     }
-    // A zero in a force is felt; a force held for a tick hardly.
+    // A zero in the force changes it much; a force held for a tick hardly does.
     let error = |policy: OverrunPolicy| {
         let worst = found.late.iter().rfind(|c| c.overrun == policy).expect("every policy is there");
         worst.force_error_rms_rel.expect("no fault")

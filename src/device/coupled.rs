@@ -76,10 +76,10 @@ impl CoupledPhantom {
     ///
     /// # Errors
     /// If a setting is out of range, or the device cannot reach that position.
-    pub fn new(settings: &CoupledSettings, target: &TipPath, tick: f64) -> Result<Self, InstrumentError> {
-        let phantom = Phantom::new(settings.phantom, target, tick)?;
+    pub fn new(settings: &CoupledSettings, target: &TipPath, tick_s: f64) -> Result<Self, InstrumentError> {
+        let phantom = Phantom::new(settings.phantom, target, tick_s)?;
         let tip = phantom.measured_tip();
-        let coupling = settings.coupling.map(|coupling| VirtualCoupling::new(coupling, tick, tip)).transpose()?;
+        let coupling = settings.coupling.map(|coupling| VirtualCoupling::new(coupling, tick_s, tip)).transpose()?;
         let passivity = settings.passivity_control.then(PassivityController::default);
         Ok(Self { phantom, coupling, passivity, answered: tip, is_damped: false })
     }

@@ -66,9 +66,9 @@ impl CouplingSettings {
     ///
     /// # Errors
     /// If a setting is out of range, with the first one, or the coupling is unstable.
-    pub fn check(&self, tick: f64) -> Result<(), CouplingError> {
+    pub fn check(&self, tick_s: f64) -> Result<(), CouplingError> {
         let Self { stiffness, damping, mass } = *self;
-        for (name, value) in [("tick (s)", tick), ("stiffness (N/m)", stiffness), ("mass (kg)", mass)] {
+        for (name, value) in [("tick (s)", tick_s), ("stiffness (N/m)", stiffness), ("mass (kg)", mass)] {
             if !(value > 0.0 && value.is_finite()) {
                 return Err(CouplingError::Setting { name, value, needs: "positive and finite" });
             }
@@ -77,7 +77,7 @@ impl CouplingSettings {
             let needs = "finite and not negative";
             return Err(CouplingError::Setting { name: "damping (N·s/m)", value: damping, needs });
         }
-        let least = 0.25 * tick * (tick * stiffness + 2.0 * damping);
+        let least = 0.25 * tick_s * (tick_s * stiffness + 2.0 * damping);
         if !(mass > least) {
             return Err(CouplingError::TooLight { mass, least });
         }
@@ -103,7 +103,7 @@ impl CouplingSettings {
 #[derive(Debug, Clone)]
 pub struct VirtualCoupling {
     settings: CouplingSettings,
-    tick: f64,
+    tick_s: f64,
     tip: Vec3,
     velocity: Vec3,
     measured: Vec3,
@@ -115,19 +115,19 @@ impl VirtualCoupling {
     ///
     /// # Errors
     /// If [`CouplingSettings::check`] fails.
-    pub fn new(settings: CouplingSettings, tick: f64, measured: Vec3) -> Result<Self, CouplingError> {
-        settings.check(tick)?;
+    pub fn new(settings: CouplingSettings, tick_s: f64, measured: Vec3) -> Result<Self, CouplingError> {
+        settings.check(tick_s)?;
         let zero = Vec3::zeros();
-        Ok(Self { settings, tick, tip: measured, velocity: zero, measured, measured_velocity: zero })
+        Ok(Self { settings, tick_s, tip: measured, velocity: zero, measured, measured_velocity: zero })
     }
 
     /// Advances the simulated tip by a semi-implicit step under the spring and the contact force of the last tick, N.
     /// Returns the tip that contact sees, m.
     pub fn advance(&mut self, measured: &Vec3, contact_force: &Vec3) -> Vec3 {
-        self.measured_velocity = (measured - self.measured) / self.tick;
+        self.measured_velocity = (measured - self.measured) / self.tick_s;
         self.measured = *measured;
-        self.velocity += (contact_force - self.force()) * (self.tick / self.settings.mass);
-        self.tip += self.velocity * self.tick;
+        self.velocity += (contact_force - self.force()) * (self.tick_s / self.settings.mass);
+        self.tip += self.velocity * self.tick_s;
         self.tip
     }
 

@@ -226,7 +226,7 @@ pub struct LocalModelBuilder {
     condenser: Option<Condenser>,
     integrator: LocalIntegrator,
     /// Tick length h, s.
-    tick: f64,
+    tick_s: f64,
     /// Whether models have no patch.
     is_without_patch: bool,
 }
@@ -241,12 +241,12 @@ impl LocalModelBuilder {
             ExteriorKind::Fixed | ExteriorKind::Drifting => None,
         };
         let integrator = LocalIntegrator::SemiImplicitEuler;
-        Self { settings, surface, tree, selector, condenser, integrator, tick: 0.0, is_without_patch: false }
+        Self { settings, surface, tree, selector, condenser, integrator, tick_s: 0.0, is_without_patch: false }
     }
 
     /// Sets the integrator and its tick length, s. By default models are built for the explicit integrator.
-    pub fn with_integrator(self, integrator: LocalIntegrator, tick: f64) -> Self {
-        Self { integrator, tick, ..self }
+    pub fn with_integrator(self, integrator: LocalIntegrator, tick_s: f64) -> Self {
+        Self { integrator, tick_s, ..self }
     }
 
     /// Builds models without a patch: they locate the surface, and nothing moves. A custom renderer does the rest.
@@ -347,12 +347,12 @@ impl LocalModelBuilder {
             external: network.external.clone(),
             condensation: condensed.map(|Condensed { outcome, size, .. }| (outcome, size)),
         };
-        model.integrated(state, self.integrator, self.tick)
+        model.integrated(state, self.integrator, self.tick_s)
     }
 }
 
 impl LocalModel {
-    /// Returns this model and its state for ticks of `tick` seconds by this integrator. Nonlinear forces allow only the
+    /// Returns this model and its state for ticks of `tick_s` seconds by this integrator. Nonlinear forces allow only the
     /// explicit one.
     ///
     /// # Errors
@@ -376,11 +376,11 @@ impl LocalModel {
         mut self,
         mut state: LocalState,
         integrator: LocalIntegrator,
-        tick: f64,
+        tick_s: f64,
     ) -> Result<(Self, LocalState), ModelError> {
         let (step, offset) = match &self.forces {
             LocalForces::Tangent(linear) => {
-                let step = LinearStep::new(integrator, linear, &self.patch.mass, tick)?;
+                let step = LinearStep::new(integrator, linear, &self.patch.mass, tick_s)?;
                 let offset = step.as_ref().map_or(linear.offset_len(), LinearStep::offset_len);
                 (step, offset)
             }

@@ -1,4 +1,4 @@
-//! Making results a baseline: the only way in which one comes about or changes.
+//! Acceptance of results as a baseline: the only way in which a baseline is created or changed.
 
 use std::collections::BTreeMap;
 
@@ -13,20 +13,20 @@ use crate::scene::Scene;
 /// Why results were not accepted.
 #[derive(Debug, Error, Diagnostic)]
 pub enum AcceptError {
-    /// Nobody said why.
-    #[error("a baseline is not changed without a reason")]
-    #[diagnostic(help("say with --reason what changed the results and why that is right"))]
+    /// No reason was given.
+    #[error("a baseline cannot be changed without a reason")]
+    #[diagnostic(help("state with --reason what changed the results and why the change is right"))]
     NoReason,
-    /// The present baseline is there, but what it says would be lost.
+    /// The present baseline cannot be read, and its record would be lost.
     #[error(transparent)]
     #[diagnostic(help("restore the file, or delete it to begin with a first baseline"))]
     Baseline(BaselineError),
 }
 
-/// The baseline after `results` are accepted; `None` if nothing changes.
+/// Returns the baseline after `results` are accepted; `None` if nothing changes.
 ///
 /// # Errors
-/// Without a reason, or if the present baseline cannot be read.
+/// If no reason is given, or the present baseline cannot be read.
 ///
 /// ```
 /// use stickslip::scene::Scene;

@@ -1,4 +1,4 @@
-//! Results against a baseline, quantity by quantity.
+//! Comparison of results with a baseline, quantity by quantity.
 
 use std::collections::BTreeMap;
 
@@ -8,19 +8,19 @@ use serde_json::{Value, json};
 use super::baseline::{Baseline, Provenance};
 use super::results::{FORCES, KeptTick, Number, QUANTITIES, Results};
 
-/// Differences up to this share of a quantity's size are round-off. Another order of summation
+/// Largest difference, relative to a quantity's size, that counts as round-off. Another order of summation
 /// changes traces by up to 2e-13, fused multiply-adds and wider vectors by as little; a wrong term
-/// changes them by far more. The independent implementation in `reference/python` is held to the
-/// same number.
+/// changes them by far more. The independent implementation in `reference/python` is compared with the
+/// same tolerance.
 pub const SCALED_TOLERANCE: f64 = 1e-9;
 
-/// How a quantity compares.
+/// Outcome of the comparison of one quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub enum ComparisonOutcome {
-    /// To the last bit.
+    /// Equal to the last bit.
     #[serde(rename = "identical")]
     Identical,
-    /// Other bits, within the tolerance.
+    /// Not equal to the last bit, but within the tolerance.
     #[serde(rename = "within tolerance")]
     Within,
     /// Less work than before.
@@ -31,24 +31,24 @@ pub enum ComparisonOutcome {
     Fail,
 }
 
-/// One quantity of one scene.
+/// Comparison of one quantity of one scene with its baseline.
 #[derive(Debug, Clone, Serialize)]
 pub struct Comparison {
-    /// Its name.
+    /// Name of the quantity.
     pub quantity: String,
-    /// What was accepted. Of a trace: at the first tick beyond the tolerance, else at the largest
+    /// Accepted value. For a trace, it is the value at the first tick beyond the tolerance, or else at the largest
     /// difference.
     pub baseline: Value,
-    /// What it is now, at the same place.
+    /// Present value, at the same place.
     pub now: Value,
-    /// Between the two; null if one of them is not a finite number.
+    /// Present value minus accepted value; null if one of them is not a finite number.
     pub difference: Number,
     /// The largest difference that passes.
     pub tolerance: Number,
-    /// The first tick that was kept of the run at which the quantity is beyond its tolerance; for
-    /// what has no tick of its own, the first at which any is.
+    /// First kept tick at which the quantity is beyond its tolerance; for a quantity without ticks, the first
+    /// kept tick at which any quantity is.
     pub first_tick: Option<u64>,
-    /// The verdict.
+    /// Outcome of the comparison.
     pub outcome: ComparisonOutcome,
 }
 
@@ -77,7 +77,7 @@ impl Comparison {
         }
     }
 
-    /// Of its tolerance; 0 if that is 0.
+    /// Returns the difference over the tolerance; 0 if the tolerance is 0.
     pub fn share_of_tolerance(&self) -> f64 {
         if self.tolerance.0 > 0.0 { self.difference.0.abs() / self.tolerance.0 } else { 0.0 }
     }
@@ -92,7 +92,7 @@ fn judge(baseline: f64, now: f64, tolerance: f64) -> ComparisonOutcome {
     }
 }
 
-/// Every quantity of a scene's results beside what was accepted.
+/// Compares every quantity of a scene's results with its baseline.
 ///
 /// ```
 /// use stickslip::verify::{baseline::Store, compare::{ComparisonOutcome, compare}, results::Number};
@@ -172,7 +172,7 @@ fn value(number: Option<&Number>) -> f64 {
     number.map_or(f64::NAN, |number| number.0)
 }
 
-/// Both maps' entries by name; one that is in one of them only is there too.
+/// Joins the entries of both maps by name; an entry of only one map is included.
 fn joined<'a, T>(
     a: &'a BTreeMap<String, T>,
     b: &'a BTreeMap<String, T>,
@@ -181,7 +181,7 @@ fn joined<'a, T>(
     a.keys().chain(only_b).map(|name| (name.as_str(), a.get(name), b.get(name)))
 }
 
-/// How large quantities are in a baseline: what their differences are measured by.
+/// Sizes of the quantities of a baseline, to which differences are relative.
 struct Sizes<'a> {
     results: &'a Results,
     force: f64,
@@ -198,7 +198,7 @@ impl<'a> Sizes<'a> {
         self.results.statistics.get(quantity).map_or(0.0, |s| s.min.0.abs().max(s.max.0.abs()))
     }
 
-    /// Parts of the force can vanish, so all are measured by the largest.
+    /// Returns the size of a trace's quantity. A part of the force can vanish, so all parts have that of the largest.
     fn of_trace(&self, quantity: &str) -> f64 {
         if QUANTITIES[..FORCES].contains(&quantity) { self.force } else { self.own(quantity) }
     }
@@ -214,7 +214,7 @@ impl<'a> Sizes<'a> {
     }
 }
 
-/// The thinned traces, tick by tick. Ticks that one of them lacks fail under the name "trace ticks".
+/// Compares the thinned traces tick by tick. Ticks that one of them lacks fail under the name "trace ticks".
 fn trace(before: &Results, now: &Results, sizes: &Sizes) -> Vec<Comparison> {
     let ticks = |results: &Results| results.trace.iter().map(|tick| tick.tick).collect::<Vec<_>>();
     let (ticks_before, ticks_now) = (ticks(before), ticks(now));
@@ -230,7 +230,7 @@ fn trace(before: &Results, now: &Results, sizes: &Sizes) -> Vec<Comparison> {
 
     let mut all = vec![kept];
     let mode = |tick: &KeptTick| json!(tick.mode);
-    // None is the right value of a free tick, so it must not look like a missing one.
+    // "none" is the right value of a free tick, so it must differ from a missing value.
     let triangle = |tick: &KeptTick| tick.triangle.map_or(json!("none"), |triangle| json!(triangle));
     all.push(exact_trace("trace mode", &pairs, mode));
     all.push(exact_trace("trace triangle", &pairs, triangle));
@@ -273,6 +273,6 @@ fn number_trace(quantity: &str, values: impl Iterator<Item = (u64, f64, f64)>, t
             worst = Some(here);
         }
     }
-    // Nothing to compare is no pass.
+    // A comparison of no values must not pass.
     worst.unwrap_or_else(|| Comparison::number(name, f64::NAN, f64::NAN, tolerance))
 }

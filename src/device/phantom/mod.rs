@@ -169,10 +169,10 @@ impl PhantomSettings {
     ///
     /// # Errors
     /// If a parameter is out of range, with the first one, or there are too few substeps.
-    pub fn check(&self, tick: f64) -> Result<(), DeviceError> {
+    pub fn check(&self, tick_s: f64) -> Result<(), DeviceError> {
         let Self { axes, joints, actuation, hand, substeps } = self;
         let positive = [
-            ("the tick (s)", Vec3::repeat(tick)),
+            ("the tick (s)", Vec3::repeat(tick_s)),
             ("the friction speed (rad/s)", Vec3::repeat(joints.friction_speed)),
             ("the torque constant (N·m/A)", Vec3::repeat(actuation.torque_constant)),
             ("a capstan ratio", actuation.capstan_ratio),
@@ -207,9 +207,9 @@ impl PhantomSettings {
         }
         require("the torque bits", &Vec3::repeat(f64::from(actuation.torque_bits)), Needs::AtMost32)?;
         let rate = self.rate_bound();
-        let least = (rate * tick / STEP_LIMIT).ceil();
+        let least = (rate * tick_s / STEP_LIMIT).ceil();
         if !(f64::from(*substeps) >= least && *substeps > 0) {
-            return Err(DeviceError::Substeps { substeps: *substeps, tick_s: tick, rate, least });
+            return Err(DeviceError::Substeps { substeps: *substeps, tick_s, rate, least });
         }
         Ok(())
     }
@@ -277,7 +277,7 @@ fn require(name: &'static str, values: &Vec3, needs: Needs) -> Result<(), Device
 pub struct Phantom {
     plant: Plant,
     state: PlantState,
-    tick: f64,
+    tick_s: f64,
     /// Encoder readings at the end of the last tick, rad.
     measured: Vec3,
     /// Currents commanded to the amplifiers, A.
@@ -292,15 +292,15 @@ impl Phantom {
     ///
     /// # Errors
     /// If a setting is out of range, or the device cannot reach the target.
-    pub fn new(settings: PhantomSettings, target: &TipPath, tick: f64) -> Result<Self, DeviceError> {
-        settings.check(tick)?;
+    pub fn new(settings: PhantomSettings, target: &TipPath, tick_s: f64) -> Result<Self, DeviceError> {
+        settings.check(tick_s)?;
         let target = target.transformed(1.0, |point| settings.axes.point_to_device(&point));
         let angles = kinematics::inverse(&target.at(0.0)).map_err(|cause| DeviceError::Pose { time_s: 0.0, cause })?;
         Ok(Self {
             measured: settings.actuation.encode(&angles),
             plant: Plant { settings, target },
             state: PlantState::at_rest(angles),
-            tick,
+            tick_s,
             command: Vec3::zeros(),
             is_saturated: false,
             mean_force: 0.0,
@@ -312,8 +312,8 @@ impl Phantom {
     /// # Errors
     /// If the device leaves its workspace. It then stays as it was before the tick.
     pub fn advance(&mut self, start_time: f64) -> Result<Vec3, DeviceError> {
-        let time_s = start_time + self.tick;
-        let state = self.plant.advance(&self.state, start_time, self.tick, &self.command);
+        let time_s = start_time + self.tick_s;
+        let state = self.plant.advance(&self.state, start_time, self.tick_s, &self.command);
         if !state.is_finite() {
             return Err(DeviceError::NotFinite { time_s });
         }
@@ -332,7 +332,7 @@ impl Phantom {
         self.command = command.current;
         self.is_saturated = command.is_limited;
         let applied = kinematics::tip_force(&self.measured, &actuation.torque(&command.current));
-        self.mean_force += (applied.norm() - self.mean_force) * -(-self.tick / actuation.thermal_time).exp_m1();
+        self.mean_force += (applied.norm() - self.mean_force) * -(-self.tick_s / actuation.thermal_time).exp_m1();
         rotation.tr_mul(&applied)
     }
 

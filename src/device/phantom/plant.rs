@@ -113,8 +113,8 @@ impl PlantState {
 impl Plant {
     /// Integrates a tick under a constant current command (A) by the classical Runge-Kutta method of order 4 in equal
     /// substeps. Where the hand's target changes its velocity within a substep, that in the middle is used.
-    pub fn advance(&self, state: &PlantState, start_time: f64, tick: f64, command: &Vec3) -> PlantState {
-        let h = tick / f64::from(self.settings.substeps);
+    pub fn advance(&self, state: &PlantState, start_time: f64, tick_s: f64, command: &Vec3) -> PlantState {
+        let h = tick_s / f64::from(self.settings.substeps);
         let mut state = *state;
         for substep in 0..self.settings.substeps {
             let time = start_time + f64::from(substep) * h;

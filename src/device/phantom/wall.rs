@@ -57,7 +57,7 @@ impl Phantom {
         let friction = settings.joints.friction.dot(&rates.abs());
         let step = jacobian(angles).tr_mul(&normal).component_mul(&settings.actuation.angle_step()).amax();
         WallBounds {
-            by_damping_n_per_m: (2.0 * (damping - wall_damping.abs()) / self.tick).max(0.0),
+            by_damping_n_per_m: (2.0 * (damping - wall_damping.abs()) / self.tick_s).max(0.0),
             by_friction_n_per_m: if step > 0.0 { 2.0 * friction / step } else { f64::INFINITY },
         }
     }

@@ -1,4 +1,4 @@
-//! What is measured of the run of an extreme.
+//! Measurements on the run of an extreme.
 
 use std::ops::Range;
 
@@ -16,7 +16,7 @@ use crate::surface::support::Support;
 use crate::verify::residual::larger;
 use crate::verify::residual::largest;
 
-/// What is kept of a run.
+/// Measurements of a run.
 pub(super) struct Watch {
     scheme: Scheme,
     friction: Option<f64>,
@@ -27,9 +27,9 @@ pub(super) struct Watch {
     beyond_coulomb_n: f64,
     balance: f64,
     energy_balance: f64,
-    /// Least and largest energy since the tip left.
+    /// Least and largest energy in free ticks once work has been done, J.
     free_energy: Range<f64>,
-    /// Of each node, from its rest place, m.
+    /// Largest distance of each node from its rest position, m.
     moved: Vec<f64>,
     remains: f64,
     condensation: Option<CondensationCounts>,
@@ -88,7 +88,7 @@ impl Watch {
         }
     }
 
-    /// |instrument + ground − weight| over the largest of the three.
+    /// Returns |instrument + ground − weight| over the largest of the three.
     fn out_of_balance(&self, view: &TickView) -> f64 {
         let (model, state) = (view.local.model(), view.local.state());
         let mut f = vec![Vec3::zeros(); state.x.len()];
@@ -99,7 +99,7 @@ impl Watch {
         if let (Some(contact), false) = (view.local.contact(), view.report.rigid) {
             view.local.shape().touch(self.scheme.metric(), &contact.point, &mut support);
         }
-        // What fixed nodes carry of the contact point goes into the ground directly.
+        // The share of the contact point on fixed nodes acts on the ground directly.
         let instrument = view.force * support.free_weight();
         let of_all = largest([instrument, ground, weight].map(|force| force.norm()));
         (instrument + ground - weight).norm() / of_all
