@@ -193,7 +193,7 @@ pub struct Sides {
 /// use stickslip::contact::law::Mode;
 /// use stickslip::multirate::global::Moment;
 /// use stickslip::multirate::timeline::Timeline;
-/// use stickslip::pipeline::Simulation;
+/// use stickslip::pipeline::{OwnParts, Simulation};
 /// use stickslip::scene::Scene;
 ///
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(250);

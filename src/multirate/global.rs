@@ -116,7 +116,7 @@ pub enum BuildError {
 /// let patch = &local.model().patch;
 /// assert!((0..patch.len()).all(|slot| global.state().x[patch.nodes[slot] as usize] == local.state().x[slot]));
 /// // and the next model starts there.
-/// let ModelMessage { model, state } = global.build_model(tip)?;
+/// let ModelMessage { model, state, .. } = global.build_model(tip)?;
 /// local.hand_over(model, state, 0, tip);
 /// assert_eq!(local.model_age(), 0);
 /// assert_eq!(global.work().models_built, 2);

@@ -15,8 +15,8 @@ const TUNNELLED_M: f64 = 1e-12;
 /// ```
 /// use stickslip::{output::measures::ContactMeasures, pipeline, scene::Scene};
 ///
-/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// scene.tick_count = 150; // the tip meets the block after 80 ticks
+/// // The tip meets the block after 80 ticks.
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let mut measures = ContactMeasures::default();
 /// pipeline::run(&scene, |tick| measures.record(tick))?;
 /// assert_eq!((measures.contact_losses(), measures.mode_switches(), measures.tunnelling_ticks()), (0, 1, 0));

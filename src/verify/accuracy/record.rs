@@ -182,7 +182,7 @@ impl Record {
 /// let method = Method::of(&scene);
 /// let reference = Reference::of(&scene, method.touching)?;
 /// // The reference is the whole network at the haptic rate, and finds no error in itself.
-/// assert!(Reference::scene(&scene, method.touching).is_full);
+/// assert!(Reference::scene(&scene, method.touching).is_full());
 /// let errors = Errors::of(&reference.coarse, &reference);
 /// assert_eq!((errors.force_error_rms_rel, errors.mode_agreement), (0.0, 1.0));
 /// assert!(reference.floor > 0.0 && reference.floor < 0.1); // what eight times shorter ticks change
