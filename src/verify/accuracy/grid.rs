@@ -88,7 +88,7 @@ pub fn grid(scene: &Scene, coverage: Coverage) -> Result<Grid, SceneError> {
             Some(_) if rates.contains(&rate) => {}
             Some(_) => rates.push(rate),
             None => {
-                left_out.push(format!("{rate} Hz: the scene's ticks or its latency do not fit into a cycle at this rate"))
+                left_out.push(format!("{rate} Hz: the scene's ticks or its latency do not fit into a cycle"))
             }
         }
     }
