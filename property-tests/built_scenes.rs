@@ -67,8 +67,13 @@ fn lengths_and_rates_follow_from_each_other() {
     }
 }
 
+/// A change of a scene.
+type Change = fn(Scene) -> Scene;
+/// A change of a scene's fields.
+type ChangeInPlace = fn(&mut Scene);
+
 /// Cases: (change of the scene, key that it makes invalid).
-const WRONG: &[(fn(Scene) -> Scene, &str)] = &[
+const WRONG: &[(Change, &str)] = &[
     (|scene| renamed(scene, "../up"), "name"),
     (|scene| scene.with_ticks(0), "duration"),
     (|scene| scene.with_ticks(u64::MAX), "mesh.nodes"),
@@ -91,7 +96,7 @@ const WRONG: &[(fn(Scene) -> Scene, &str)] = &[
 ];
 
 /// Fields that are set in place are checked like built ones.
-const WRONG_IN_PLACE: &[(fn(&mut Scene), &str)] = &[
+const WRONG_IN_PLACE: &[(ChangeInPlace, &str)] = &[
     (|scene| scene.mesh = Block { nodes: [9, 9, 1], ..BLOCK }.into(), "mesh.nodes"),
     (|scene| scene.mesh = Block { spacing: f64::NAN, ..BLOCK }.into(), "mesh.spacing"),
     (|scene| scene.material.node_mass[7] = -1.0, "material.node_mass"),

@@ -140,7 +140,7 @@ impl Dense {
         f
     }
 
-    /// Returns z after a tick: z₁ = e^{hF}z₀, or (1 − θhF)z₁ = (1 + (1 − θ)hF)z₀ for forces at the fraction θ of the tick.
+    /// Returns z after a tick: z₁ = e^{hF}z₀, or (1 − θhF)z₁ = (1 + (1 − θ)hF)z₀ for forces at the fraction θ of it.
     fn propagator(&self, integrator: LocalIntegrator, h: f64, force: &DVector<f64>) -> DMatrix<f64> {
         let f = self.system(force) * h;
         let one = DMatrix::identity(f.nrows(), f.nrows());

@@ -27,6 +27,14 @@ enum Detected {
     Contact(ContactPoint),
 }
 
+/// What detection leaves for a scheme without a rewind.
+enum WholeTick {
+    /// A contact at the start of the tick, and the time of collision if it begins in this tick.
+    Contact(Touch, Option<f64>),
+    /// The tick is over: the tip is free, or the ground rigid.
+    Over(TickReport),
+}
+
 impl LocalSimulation {
     /// Runs one tick, in which the tip moves from q₀ to q₁, m.
     pub fn tick(&mut self, q0: Vec3, q1: Vec3) -> TickReport {
@@ -87,8 +95,8 @@ impl LocalSimulation {
 
         // 2. Detect.
         let (touch, collision_time) = match self.touch_of_whole_tick(q0, q1) {
-            Ok(found) => found,
-            Err(report) => return report,
+            WholeTick::Contact(touch, collision_time) => (touch, collision_time),
+            WholeTick::Over(report) => return report,
         };
 
         // 4. Force: −Λ/h with the impulse Λ = G⁻¹r on the mesh, G = WM⁻¹Wᵀ, r = (q₁ − p)/h − W v*.
@@ -130,8 +138,8 @@ impl LocalSimulation {
 
         // 2. Detect.
         let (touch, collision_time) = match self.touch_of_whole_tick(q0, q1) {
-            Ok(found) => found,
-            Err(report) => return report,
+            WholeTick::Contact(touch, collision_time) => (touch, collision_time),
+            WholeTick::Over(report) => return report,
         };
 
         // 4. and 5. Force and law.
@@ -254,18 +262,18 @@ impl LocalSimulation {
 
     /// Steps 1 and 2 of a scheme without a rewind: returns the contact at the start of the tick, or the report of a
     /// tick that is already over because the tip is free or the ground rigid.
-    fn touch_of_whole_tick(&mut self, q0: Vec3, q1: Vec3) -> Result<(Touch, Option<f64>), TickReport> {
+    fn touch_of_whole_tick(&mut self, q0: Vec3, q1: Vec3) -> WholeTick {
         let (point, collision_time) = match self.detect(q0, q1) {
-            None => return Err(self.release()),
+            None => return WholeTick::Over(self.release()),
             Some(Detected::Contact(point)) => (point, None),
             Some(Detected::Collision(Collision { point, time })) => (point, Some(time)),
         };
         let shape = Shape { surface: &self.surface, model: &self.model, x: &self.state.x, elapsed: self.elapsed() };
         let touch = shape.touch(Metric::Mass, &point, &mut self.support);
         if self.support.free_weight() < RIGID_BELOW {
-            return Err(self.respond_rigidly(touch, collision_time, q0, q1));
+            return WholeTick::Over(self.respond_rigidly(touch, collision_time, q0, q1));
         }
-        Ok((touch, collision_time))
+        WholeTick::Contact(touch, collision_time)
     }
 
     /// Goes back to the time of collision, a fraction of the tick: x ← x + τ h v*, v ← v + τ h M⁻¹f. Returns τ h, s.

@@ -35,7 +35,7 @@ pub enum AcceptError {
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
 /// let present = Store::Program.load(&scene.name)?;
 /// let mut results = present.results.clone();
-/// // The same results again change nothing.
+/// // Identical results change nothing.
 /// assert_eq!(accept(Store::Program.load(&scene.name), &scene, results.clone(), "try")?, None);
 /// // Others come in with a reason, and what they replace stays on record.
 /// results.counts.insert("collisions".to_owned(), 99);

@@ -100,7 +100,7 @@ pub enum ZWidthError {
 /// let soft = VirtualWall { stiffness_n_per_m: 300.0, damping_n_s_per_m: 0.0 };
 /// let felt = touch(&settings, 1e3, &soft)?;
 /// assert!(felt.range_m <= QUIET_M && felt.depth_m > 0.0);
-/// // Between two ticks, a hard one gives out more energy than joints and hand take.
+/// // Between two ticks, a hard wall emits more energy than joints and hand absorb.
 /// let hard = VirtualWall { stiffness_n_per_m: 2e4, ..soft };
 /// assert!(touch(&settings, 1e3, &hard)?.range_m > QUIET_M);
 /// # Ok::<(), stickslip::verify::z_width::ZWidthError>(())
@@ -152,7 +152,7 @@ impl VirtualWall {
 /// use stickslip::verify::z_width::{ZWidthError, wall_limit};
 ///
 /// let limit = wall_limit(&PhantomSettings::default(), 1e3, 0.0)?;
-/// // What has to be passive is quiet; a hand makes a good deal more quiet than that.
+/// // All passive walls are quiet; with a hand, much stiffer ones are quiet too.
 /// assert!(limit.agrees);
 /// assert!(limit.quiet_n_per_m.is_some_and(|quiet| quiet > limit.passive_n_per_m));
 /// assert!(matches!(wall_limit(&PhantomSettings::default(), 1e3, -1.0), Err(ZWidthError::Device(_))));

@@ -164,7 +164,7 @@ impl Quantity {
 /// One quantity of one mesh.
 #[derive(Debug, Clone, Serialize)]
 pub struct ElasticityRow {
-    /// What is measured.
+    /// Measured quantity.
     pub quantity: Quantity,
     /// How the block is filled.
     pub filling: String,
