@@ -29,7 +29,7 @@ pub struct CheckArguments {
     /// Output folder of check.json
     #[arg(long, value_name = "DIR", default_value = "reports/check")]
     out: PathBuf,
-    /// Folder with a <scene name>.json per scene (default: fixtures/baselines if there is such a folder, else the
+    /// Folder with a SCENE.json per scene (default: fixtures/baselines if there is such a folder, else the
     /// baselines built into the program)
     #[arg(long, value_name = "DIR")]
     baselines: Option<PathBuf>,

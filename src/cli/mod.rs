@@ -98,7 +98,7 @@ enum Command {
         /// A scene file or the name of a shipped scene
         #[arg(default_value = "fig5-stick-slip")]
         scene: PathBuf,
-        /// Output folder (default: reports/<scene name>)
+        /// Output folder (default: reports/SCENE)
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },

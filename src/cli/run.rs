@@ -32,7 +32,7 @@ const ENERGY_ADVICE: &str = "the local model and the network may excite each oth
 pub struct RunArguments {
     /// A scene file or the name of a shipped scene
     scene: PathBuf,
-    /// Output folder (default: reports/<scene name>)
+    /// Output folder (default: reports/SCENE)
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Also write network.pvd and instrument.pvd for ParaView, one frame every TICKS ticks (default: 20)

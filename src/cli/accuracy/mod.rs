@@ -39,7 +39,7 @@ const BRIEF_PATIENCE: Duration = Duration::from_secs(6);
 pub struct AccuracyArguments {
     /// A scene file or the name of a shipped scene
     scene: PathBuf,
-    /// Output folder (default: reports/<scene name>)
+    /// Output folder (default: reports/SCENE)
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Budget of a tick, µs; 99 of 100 ticks have to be within it

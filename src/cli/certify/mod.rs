@@ -53,7 +53,7 @@ pub struct CertifyArguments {
     /// Policy for a missed deadline (default: the scene's, or else hold)
     #[arg(long, value_parser = policy_parser())]
     policy: Option<OverrunPolicy>,
-    /// Output folder (default: reports/<scene name>)
+    /// Output folder (default: reports/SCENE)
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
