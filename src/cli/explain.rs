@@ -134,9 +134,32 @@ pub fn explain(scene: &Path) -> miette::Result<u8> {
 
 fn explanation(scene: &Scene) -> miette::Result<Explanation> {
     let simulation = Simulation::prepare(scene)?;
-    let (network, model) = (simulation.network(), simulation.local().model());
-    let patch = &model.patch;
-    let sizes = Sizes {
+    let parts = scene.parts();
+    let named = |needed: bool| parts.iter().filter(|part| part.needed == needed).map(ToString::to_string).collect();
+    let integrates = parts.iter().any(|part| part.name == "replay of the patch's path" && part.needed)
+        || (scene.global.sync == SyncMode::Overwrite && !scene.is_full());
+    let (local_step, global_step) = time_steps(scene, &simulation);
+    let device = DeviceFacts::new(scene, &simulation);
+    let mut warnings = warnings(scene, &simulation, &local_step, integrates.then_some(&global_step));
+    warnings.extend(device.as_ref().and_then(DeviceFacts::warning));
+    Ok(Explanation {
+        scene: scene.name.clone(),
+        sizes: sizes(scene, &simulation),
+        needed: named(true),
+        left_out: named(false),
+        cost_per_tick: tick_cost(scene, &simulation),
+        cost_per_cycle: cycle_cost(scene, &simulation, integrates),
+        local_step,
+        global_step,
+        device,
+        warnings,
+    })
+}
+
+fn sizes(scene: &Scene, simulation: &Simulation) -> Sizes {
+    let network = simulation.network();
+    let patch = &simulation.local().model().patch;
+    Sizes {
         nodes: network.node_count(),
         fixed_nodes: network.fixed.iter().filter(|&&fixed| fixed).count(),
         springs: network.springs.len(),
@@ -147,33 +170,39 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
         patch_springs: patch.springs.len(),
         stiffness_n_per_m: scene.material.stiffness.range(),
         damping_n_s_per_m: scene.material.damping.range(),
-    };
+    }
+}
+
+fn tick_cost(scene: &Scene, simulation: &Simulation) -> TickCost {
+    let model = simulation.local().model();
+    let patch = &model.patch;
     let linear = matches!(scene.local().linearization, Linearization::Tangent(_));
     let rows = 3 * patch.len();
     let step = model.step.as_ref();
     let columns = if step.is_some() || patch.springs.is_damped() || scene.material.drag != 0.0 { 6 } else { 3 };
     let condenses = model.condensation.is_some_and(|(outcome, _)| outcome != CondensationOutcome::Held);
-    let cost_per_tick = TickCost {
+    TickCost {
         matrix: if linear { Some([rows, columns * patch.len()]) } else { condenses.then_some([rows; 2]) },
         products: step.map_or(1, LinearStep::products),
         response: step.is_some().then_some([rows, rows]),
         springs: (!linear).then_some(patch.springs.len()),
         contact_nodes: simulation.local().surface().geometry.largest_support(),
-    };
+    }
+}
+
+/// Cost of a global cycle; `integrates` says whether the network is integrated over it.
+fn cycle_cost(scene: &Scene, simulation: &Simulation, integrates: bool) -> CycleCost {
     let stages = match scene.global.integrator {
         GlobalIntegrator::SemiImplicitEuler => 1,
         // Two or three Newton iterations where the motion is smooth, each with a sparse factorisation.
         GlobalIntegrator::ImplicitEuler => 3,
         GlobalIntegrator::Rk4 => 4,
     };
-    let integrates = scene.parts().iter().any(|part| part.name == "replay of the patch's path" && part.needed)
-        || (scene.global.sync == SyncMode::Overwrite && !scene.is_full());
-    let evaluations = if integrates { stages * scene.global.substeps } else { 0 };
-    let cost_per_cycle = CycleCost {
-        force_evaluations: evaluations,
-        springs: network.springs.len(),
+    CycleCost {
+        force_evaluations: if integrates { stages * scene.global.substeps } else { 0 },
+        springs: simulation.network().springs.len(),
         new_models: u32::from(!scene.is_full()),
-        condensation: model.condensation.map(|(outcome, size)| CondensationCost {
+        condensation: simulation.local().model().condensation.map(|(outcome, size)| CondensationCost {
             outcome: match outcome {
                 CondensationOutcome::AsAsked => "as asked",
                 CondensationOutcome::Stabilised => "stabilised: it is indefinite with the exact tangent",
@@ -184,41 +213,27 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
             factor_entries: size.factor.entries,
             factor_multiply_adds: size.factor.multiply_adds,
         }),
-    };
+    }
+}
 
-    let drag = scene.material.drag;
+/// The local tick and the global substep with their stability limits.
+fn time_steps(scene: &Scene, simulation: &Simulation) -> (Step, Step) {
+    let (network, patch, drag) = (simulation.network(), &simulation.local().model().patch, scene.material.drag);
     let mut held = patch.inverse_mass.clone();
     held.resize(patch.len() + patch.boundary.len(), 0.0);
     let local_limit = explicit_step_limit(&patch.springs, &simulation.local().state().x, &held, drag);
     let global_limit =
         explicit_step_limit(&network.springs, &simulation.global().state().x, &network.inverse_mass, drag);
-    let local_step = match scene.integrator {
+    let local = match scene.integrator {
         LocalIntegrator::SemiImplicitEuler => Step::new(scene.tick_s(), local_limit),
         implicit => Step::unlimited(scene.tick_s(), local_limit, implicit.name()),
     };
     let substep = 1.0 / (scene.global_rate_hz() * f64::from(scene.global.substeps));
-    let global_step = match scene.global.integrator {
+    let global = match scene.global.integrator {
         GlobalIntegrator::ImplicitEuler => Step::unlimited(substep, global_limit, "implicit-euler"),
         GlobalIntegrator::SemiImplicitEuler | GlobalIntegrator::Rk4 => Step::new(substep, global_limit),
     };
-
-    let parts = scene.parts();
-    let named = |needed: bool| parts.iter().filter(|part| part.needed == needed).map(ToString::to_string).collect();
-    let device = DeviceFacts::new(scene, &simulation);
-    let mut warnings = warnings(scene, &simulation, &local_step, integrates.then_some(&global_step));
-    warnings.extend(device.as_ref().and_then(DeviceFacts::warning));
-    Ok(Explanation {
-        scene: scene.name.clone(),
-        sizes,
-        needed: named(true),
-        left_out: named(false),
-        cost_per_tick,
-        cost_per_cycle,
-        local_step,
-        global_step,
-        device,
-        warnings,
-    })
+    (local, global)
 }
 
 fn warnings(scene: &Scene, simulation: &Simulation, local: &Step, global: Option<&Step>) -> Vec<String> {

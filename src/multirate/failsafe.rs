@@ -55,7 +55,7 @@ pub enum FaultCause {
 /// The fault that ended a run: its tick, its cause and the state.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[error(
-    "fault at tick {tick}: {cause} (mode {mode}, force [{:e}, {:e}, {:e}] N, tip [{}, {}, {}] m, model {model_age} ticks old)",
+    "fault at tick {tick}: {cause} (mode {mode}, force [{:.4e}, {:.4e}, {:.4e}] N, tip [{:.6}, {:.6}, {:.6}] m, model {model_age} ticks old)",
     force.x, force.y, force.z, tip.x, tip.y, tip.z
 )]
 pub struct Fault {

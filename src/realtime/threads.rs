@@ -11,6 +11,8 @@ use super::allocations;
 use super::channel::{GlobalEnd, ServoEnd, channel};
 use super::meter::{Meter, TickTimes};
 use super::os::{self, Usage};
+use crate::Vec3;
+use crate::contact::report::TickReport;
 use crate::multirate::failsafe::Fault;
 use crate::multirate::global::GlobalSide;
 use crate::multirate::servo::{Servo, ServoTick};
@@ -328,7 +330,6 @@ fn run_loop(
 ) -> (Window, bool) {
     let LoopSettings { step, ticks_per_cycle, deadline, control, .. } = settings;
     let start = os::now_ns() + nanoseconds(LEAD_S);
-    let half = nanoseconds(step / 2.0);
     // Releases are counted over all passes: a new pass keeps the period.
     let mut released = 0_u64;
     let release_of = |released: u64| start + nanoseconds(released as f64 * step);
@@ -344,34 +345,14 @@ fn run_loop(
                 stopped = true;
                 break 'passes;
             }
-            let tick = pass.servo.next_tick();
-            // The modelled instrument is advanced while the loop waits: a real one needs no computation.
-            let tip = match pass.servo.sense() {
-                Ok(tip) => tip,
-                Err(fault) => {
-                    pass.fault = Some(fault);
-                    break 'passes;
-                }
-            };
             let release = release_of(released);
-            os::sleep_until_ns(release);
-            let cpu = os::thread_cpu_ns();
-            let begin = os::now_ns();
-            let report = match arrive(pass, &mut end, tick, ticks_per_cycle).and_then(|()| pass.servo.compute(tip)) {
-                Ok(report) => report,
+            let timed = timed_tick(pass, &mut end, number, release, ticks_per_cycle);
+            let TimedTick { tip, report, times, command } = match timed {
+                Ok(timed) => timed,
                 Err(fault) => {
                     pass.fault = Some(fault);
                     break 'passes;
                 }
-            };
-            let command = os::now_ns();
-            let times = TickTimes {
-                pass: number,
-                tick,
-                release_ns: begin.saturating_sub(release),
-                response_ns: command.saturating_sub(release),
-                compute_ns: command - begin,
-                cpu_ns: os::thread_cpu_ns() - cpu,
             };
             let on_time = meter.tick(times, release - start);
             let deadline_outcome =
@@ -392,13 +373,7 @@ fn run_loop(
                 }
             }
             if control {
-                let release = release_of(released - 1) + half;
-                let is_ahead = os::now_ns() < release;
-                meter.control(is_ahead.then(|| {
-                    os::sleep_until_ns(release);
-                    let begin = os::now_ns();
-                    (begin.saturating_sub(release), os::now_ns() - release)
-                }));
+                control_tick(meter, release_of(released - 1) + nanoseconds(step / 2.0));
             }
         }
     }
@@ -413,6 +388,54 @@ fn run_loop(
         end_ns: os::now_ns(),
     };
     (window, stopped)
+}
+
+/// A tick that has been computed and timed, before its command.
+struct TimedTick {
+    /// m.
+    tip: Vec3,
+    report: TickReport,
+    times: TickTimes,
+    /// Time at which the force was ready, ns.
+    command: u64,
+}
+
+/// Computes the next tick of a pass at its scheduled release, ns, and times it.
+fn timed_tick(
+    pass: &mut Pass,
+    end: &mut ServoEnd,
+    number: u32,
+    release: u64,
+    ticks_per_cycle: u64,
+) -> Result<TimedTick, Fault> {
+    let tick = pass.servo.next_tick();
+    // The modelled instrument is advanced while the loop waits: a real one needs no computation.
+    let tip = pass.servo.sense()?;
+    os::sleep_until_ns(release);
+    let cpu = os::thread_cpu_ns();
+    let begin = os::now_ns();
+    arrive(pass, end, tick, ticks_per_cycle)?;
+    let report = pass.servo.compute(tip)?;
+    let command = os::now_ns();
+    let times = TickTimes {
+        pass: number,
+        tick,
+        release_ns: begin.saturating_sub(release),
+        response_ns: command.saturating_sub(release),
+        compute_ns: command - begin,
+        cpu_ns: os::thread_cpu_ns() - cpu,
+    };
+    Ok(TimedTick { tip, report, times, command })
+}
+
+/// Runs the control loop without a payload, half a tick after the payload's release: what it misses, the machine misses.
+fn control_tick(meter: &mut Meter, release: u64) {
+    let is_ahead = os::now_ns() < release;
+    meter.control(is_ahead.then(|| {
+        os::sleep_until_ns(release);
+        let begin = os::now_ns();
+        (begin.saturating_sub(release), os::now_ns() - release)
+    }));
 }
 
 /// Puts a model that has arrived to use, and begins a segment of the path with it or with a cycle.

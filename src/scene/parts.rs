@@ -58,6 +58,10 @@ impl Scene {
             ExteriorKind::Fixed | ExteriorKind::Drifting => (false, exterior_is.clone()),
         };
         let takes_all = local.extent == Extent::All;
+        let rings_is = match local.extent {
+            Extent::All => is("local.rings", All::All.name()),
+            Extent::Rings(rings) => format!("local.rings = {rings}"),
+        };
         let (replays, sync_is) = match self.global.sync {
             _ if takes_all => (false, "the local model takes every free node".to_owned()),
             sync => (sync == SyncMode::Replay, is("sync.mode", sync.name())),
@@ -118,11 +122,7 @@ impl Scene {
                 self.integrator != LocalIntegrator::SemiImplicitEuler,
                 is("local.integrator", self.integrator.name()),
             ),
-            part(
-                "exterior at rest or moving",
-                !takes_all,
-                if self.is_full() { model_is } else { format!("local.rings: {:?}", local.extent) },
-            ),
+            part("exterior at rest or moving", !takes_all, if self.is_full() { model_is } else { rings_is }),
             part("exterior drift", drifts && !takes_all, exterior_is.clone()),
             part("condensation (sparse factorisation)", condenses && !takes_all, exterior_is),
             part("coarse far field", coarsens && !takes_all, far_field_is),
