@@ -106,7 +106,7 @@ pub struct Recorded {
 /// Returns the loop settings of a scene, with or without the control loop.
 pub fn loop_settings(scene: &Scene, simulation: &Simulation, control: bool) -> LoopSettings {
     LoopSettings {
-        step: scene.tick_s(),
+        tick_s: scene.tick_s(),
         ticks_per_cycle: u64::from(scene.ticks_per_cycle()),
         recording: simulation.recording(),
         deadline: scene.deadline,

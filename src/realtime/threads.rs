@@ -87,7 +87,7 @@ impl Pass {
 #[derive(Debug, Clone, Copy)]
 pub struct LoopSettings {
     /// Local tick h, s.
-    pub step: f64,
+    pub tick_s: f64,
     /// Number of ticks in a global cycle.
     pub ticks_per_cycle: u64,
     /// The part of the patch's path that is sent to the global side; `None` if there are no cycles.
@@ -237,7 +237,7 @@ pub fn serve(
     };
     let cpus = os::affinity();
     let done = AtomicBool::new(false);
-    let idle = Duration::from_secs_f64((settings.step / 4.0).clamp(2e-5, 1e-3));
+    let idle = Duration::from_secs_f64((settings.tick_s / 4.0).clamp(2e-5, 1e-3));
     let served = std::thread::scope(|scope| {
         let builder = scope.spawn(|| build_models(global_end, sides, &first_patches, idle, &done));
         let servo = scope.spawn(|| {
@@ -328,11 +328,11 @@ fn run_loop(
     settings: LoopSettings,
     stop: &AtomicBool,
 ) -> (Window, bool) {
-    let LoopSettings { step, ticks_per_cycle, deadline, control, .. } = settings;
+    let LoopSettings { tick_s, ticks_per_cycle, deadline, control, .. } = settings;
     let start = os::now_ns() + nanoseconds(LEAD_S);
     // Releases are counted over all passes: a new pass keeps the period.
     let mut released = 0_u64;
-    let release_of = |released: u64| start + nanoseconds(released as f64 * step);
+    let release_of = |released: u64| start + nanoseconds(released as f64 * tick_s);
 
     let usage = Usage::of_this_thread();
     let allocated = allocations::on_this_thread();
@@ -373,7 +373,7 @@ fn run_loop(
                 }
             }
             if control {
-                control_tick(meter, release_of(released - 1) + nanoseconds(step / 2.0));
+                control_tick(meter, release_of(released - 1) + nanoseconds(tick_s / 2.0));
             }
         }
     }

@@ -71,6 +71,53 @@ pub(super) struct Subject {
     response: DMatrix<f64>,
 }
 
+/// Matrices of a linear local model and its contact point in coordinates scaled by M^½.
+struct ScaledMatrices {
+    stiffness: DMatrix<f64>,
+    damping: DMatrix<f64>,
+    w: DMatrix<f64>,
+    deformation: DMatrix<f64>,
+    response: DMatrix<f64>,
+}
+
+impl ScaledMatrices {
+    /// Returns `None` where the model is not linear.
+    fn new(model: &LocalModel, support: &Support, scheme: Scheme) -> Option<Self> {
+        let mass = &model.patch.mass;
+        let dof = 3 * mass.len();
+        let root = |i: usize| mass[i / 3].sqrt();
+        let forces = model.linear_forces()?;
+        let scaled =
+            |column: usize| DMatrix::from_fn(dof, dof, |i, j| forces.entry(i, column + j) / (root(i) * root(j)));
+        // Builds a matrix with one column for each direction of the contact point from a number per support node.
+        let columns = |of: &dyn Fn(usize, f64) -> f64| {
+            let mut matrix = DMatrix::zeros(dof, 3);
+            for node in support.nodes() {
+                for a in 0..3 {
+                    matrix[(3 * node.slot + a, a)] = of(node.slot, node.weight);
+                }
+            }
+            matrix
+        };
+        let (square, free_weight) = (support.square_weight(), support.free_weight());
+        let deformation = match scheme {
+            Scheme::Geometric { deformation: Deformation::Rigid, .. } => {
+                columns(&|slot, _| root(3 * slot) / free_weight)
+            }
+            Scheme::Geometric { deformation: Deformation::LeastNorm, .. } => {
+                columns(&|slot, weight| root(3 * slot) * weight / square)
+            }
+            Scheme::Velocity => DMatrix::zeros(dof, 3),
+        };
+        let response = match scheme.metric() {
+            Metric::Euclidean => columns(&|slot, weight| root(3 * slot) * weight / square),
+            Metric::Mass => columns(&|slot, weight| weight / root(3 * slot) / support.scale()),
+        };
+        let w = columns(&|slot, weight| weight / root(3 * slot)).transpose();
+        Some(Self { stiffness: scaled(0), damping: scaled(dof), w, deformation, response })
+    }
+}
+
 impl Subject {
     pub(super) fn new(scene: &Scene, point: &MapPoint) -> Result<Self, MapError> {
         let mesh = scene.mesh.mesh();
@@ -137,38 +184,11 @@ impl Subject {
             return Err(MapError::Rigid { free_weight });
         }
         let model = simulation.model().clone();
+        let matrices = ScaledMatrices::new(&model, &support, scheme).ok_or(MapError::NotHeld)?;
+        let ScaledMatrices { stiffness, damping, w, deformation, response } = matrices;
         let mass = &model.patch.mass;
         let dof = 3 * mass.len();
         let root = |i: usize| mass[i / 3].sqrt();
-        let forces = model.linear_forces().ok_or(MapError::NotHeld)?;
-        let scaled =
-            |column: usize| DMatrix::from_fn(dof, dof, |i, j| forces.entry(i, column + j) / (root(i) * root(j)));
-        let (stiffness, damping) = (scaled(0), scaled(dof));
-        // Builds a matrix with one column for each direction of the contact point from a number per support node.
-        let columns = |of: &dyn Fn(usize, f64) -> f64| {
-            let mut matrix = DMatrix::zeros(dof, 3);
-            for node in support.nodes() {
-                for a in 0..3 {
-                    matrix[(3 * node.slot + a, a)] = of(node.slot, node.weight);
-                }
-            }
-            matrix
-        };
-        let square = support.square_weight();
-        let w = columns(&|slot, weight| weight / root(3 * slot)).transpose();
-        let deformation = match scheme {
-            Scheme::Geometric { deformation: Deformation::Rigid, .. } => {
-                columns(&|slot, _| root(3 * slot) / free_weight)
-            }
-            Scheme::Geometric { deformation: Deformation::LeastNorm, .. } => {
-                columns(&|slot, weight| root(3 * slot) * weight / square)
-            }
-            Scheme::Velocity => DMatrix::zeros(dof, 3),
-        };
-        let response = match metric {
-            Metric::Euclidean => columns(&|slot, weight| root(3 * slot) * weight / square),
-            Metric::Mass => columns(&|slot, weight| weight / root(3 * slot) / support.scale()),
-        };
 
         // K u = Wᵀλ with W u = −δ n̂, in the scaled coordinates.
         let depth = PRESSED * scene.mesh.spacing();
