@@ -174,6 +174,39 @@ fn faults_of_own_parts_are_named() {
         assert_eq!((ended.tick, ended.cause, ticks), (4, cause, 4));
     }
 
+    /// Moves a node that there is not from the second model on, or gives it no velocity.
+    #[derive(Debug, Clone)]
+    struct Mover {
+        models: u32,
+        has_velocity: bool,
+        node: [u32; 1],
+    }
+    impl Renderer for Mover {
+        fn build(&mut self, _: Body<'_>, _: BodyState<'_>) -> Result<Box<dyn RendererModel>, RendererFault> {
+            self.models += 1;
+            self.node = [if self.models > 1 { u32::MAX } else { 300 }];
+            Ok(Box::new(self.clone()))
+        }
+    }
+    impl RendererModel for Mover {
+        fn tick(&mut self, _: Vec3, _: Vec3) -> Result<Rendered, RendererFault> {
+            Ok(Rendered::FREE)
+        }
+        fn moved(&self) -> Option<MovedNodes<'_>> {
+            const AT: [Vec3; 1] = [Vec3::new(0.0, 0.0, 0.0)];
+            Some(MovedNodes { nodes: &self.node, x: &AT, v: if self.has_velocity { &AT } else { &[] } })
+        }
+    }
+    for (has_velocity, tick, reason) in [
+        (true, 100, "it moves nodes that are fixed or that the body does not have"),
+        (false, 0, "it does not give a position and a velocity for each node it moves"),
+    ] {
+        let own = with_renderer(Mover { models: 0, has_velocity, node: [300] });
+        let ended = Simulation::prepare_with(&scene, own).expect("it starts outside").run(|_| ());
+        let ended = ended.expect_err("a fault");
+        assert_eq!((ended.tick, ended.cause), (tick, FaultCause::Renderer(RendererFault(reason))));
+    }
+
     #[derive(Debug, Clone)]
     struct Lost;
     impl Instrument for Lost {

@@ -7,7 +7,7 @@
 use super::collision::{Collision, first_collision};
 use super::law::{Impulse, Mode};
 use super::limit_surface::MovingLimit;
-use super::renderer::{Rendered, RendererFault};
+use super::renderer::{MovedNodes, Rendered, RendererFault};
 use super::report::TickReport;
 use super::rules::{Deformation, RIGID_BELOW, Scheme, Wall};
 use super::shape::{Projection, Shape, Touch};
@@ -183,7 +183,13 @@ impl LocalSimulation {
         let is_on_surface = |point: &ContactPoint| {
             (point.triangle as usize) < triangles && point.weights.iter().all(|weight| weight.is_finite())
         };
+        let is_complete = |moved: MovedNodes| moved.nodes.len() == moved.x.len() && moved.x.len() == moved.v.len();
         let rendered = match renderer.tick(q0, q1) {
+            Ok(_) if !renderer.moved().is_none_or(is_complete) => {
+                self.renderer_fault =
+                    Some(RendererFault("it does not give a position and a velocity for each node it moves"));
+                Rendered::FREE
+            }
             Ok(rendered) if rendered.contact.is_none_or(|(point, _)| is_on_surface(&point)) => rendered,
             Ok(_) => {
                 self.renderer_fault = Some(RendererFault("its contact point is not on the surface"));

@@ -171,13 +171,16 @@ impl GlobalSimulation {
     ///
     /// # Errors
     /// If an implicit step has no solution.
-    pub fn catch_up(&mut self, message: &CycleMessage) -> Result<(), ModelError> {
+    pub fn catch_up(&mut self, message: &CycleMessage) -> Result<(), BuildError> {
+        if self.renderer.is_some() {
+            message.trajectory.patches().try_for_each(|nodes| self.check_moved(nodes))?;
+        }
         match self.settings.sync {
             SyncMode::Replay => self.replay(&message.trajectory),
             SyncMode::Overwrite => self.overwrite(&message.trajectory),
         }
         if let Some(error) = self.stepper.failure() {
-            return Err(ModelError::NotSolved(error));
+            return Err(ModelError::NotSolved(error).into());
         }
         self.contact = message.contact;
         Ok(())
@@ -203,7 +206,18 @@ impl GlobalSimulation {
         let body = Body { network: &self.network, surface: self.builder.surface() };
         let contact = self.contact.map(|contact| contact.point);
         let state = BodyState { x: &self.state.x, v: &self.state.v, tip, contact };
-        Ok(Some(renderer.build(body, state)?))
+        let model = renderer.build(body, state)?;
+        self.check_moved(model.moved().map_or(&[][..], |moved| moved.nodes))?;
+        Ok(Some(model))
+    }
+
+    /// Refuses nodes of a custom renderer that do not exist or never move.
+    fn check_moved(&self, nodes: &[u32]) -> Result<(), RendererFault> {
+        if nodes.iter().all(|&node| self.network.fixed.get(node as usize) == Some(&false)) {
+            Ok(())
+        } else {
+            Err(RendererFault("it moves nodes that are fixed or that the body does not have"))
+        }
     }
 
     fn position(&self, point: &ContactPoint) -> Vec3 {
@@ -330,7 +344,7 @@ impl GlobalSide {
             self.simulation.catch_up(&message)
         });
         mark(Moment::ModelBegins);
-        let model = caught_up.map_err(BuildError::Model).and_then(|()| self.simulation.build_model(tip));
+        let model = caught_up.and_then(|()| self.simulation.build_model(tip));
         mark(Moment::ModelEnds);
         // A diverged network has no model either: the divergence is the cause to report.
         match self.bounds.network_cause(&self.network.rest, self.simulation.state()) {

@@ -84,6 +84,9 @@ impl Trajectory {
 
     /// Begins a segment with given positions and velocities of the patch nodes, as [`begin`](Self::begin) does.
     pub fn begin_at(&mut self, nodes: &[u32], x: &[Vec3], v: &[Vec3], tick: usize, ticks: usize) {
+        // A custom renderer may give slices of unequal lengths; its next tick is a fault then.
+        let is_complete = nodes.len() == x.len() && x.len() == v.len();
+        let (nodes, x, v) = if is_complete { (nodes, x, v) } else { (&[][..], &[][..], &[][..]) };
         let samples = match self.recording {
             PathRecording::EveryTick => ticks + 1,
             PathRecording::LastTick | PathRecording::Forces => 1,
@@ -108,7 +111,9 @@ impl Trajectory {
     /// Records given positions and velocities of the patch nodes; ignores them if their number differs from the
     /// segment's. Allocates nothing within the ticks that were announced.
     pub fn record_at(&mut self, x: &[Vec3], v: &[Vec3]) {
-        if let Some(segment) = self.segments.last_mut().filter(|segment| segment.nodes.len() == x.len()) {
+        if let Some(segment) =
+            self.segments.last_mut().filter(|segment| segment.nodes.len() == x.len() && x.len() == v.len())
+        {
             if self.recording == PathRecording::LastTick {
                 segment.x.clear();
                 segment.v.clear();
@@ -122,6 +127,11 @@ impl Trajectory {
     /// within the ticks that were announced.
     pub fn record_push(&mut self, force: Vec3, point: Option<ContactPoint>) {
         self.pushes.push(point.map(|point| Push { point, force: -force }));
+    }
+
+    /// Returns the nodes of each patch that was in use.
+    pub fn patches(&self) -> impl Iterator<Item = &[u32]> {
+        self.segments.iter().map(|segment| segment.nodes.as_slice())
     }
 
     /// Returns the segment of the patch in use in a tick.
