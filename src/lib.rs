@@ -10,7 +10,7 @@
 //! ## What is public
 //!
 //! The items at the crate's root: [`Scene`] and what it is built of, [`run`] and [`Simulation`], what a tick shows
-//! ([`TickView`], [`TickReport`]), files and their errors, and three doors for parts of one's own: [`Renderer`],
+//! ([`TickView`], [`TickReport`]), files and their errors, and three doors for custom parts: [`Renderer`],
 //! [`Instrument`] and [`ContactLaw`], which [`OwnParts`] and [`Law::Own`] take. The modules are hidden from this page: the
 //! tests, benches and the program reach into them, and they may change with every version.
 //!

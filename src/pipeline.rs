@@ -47,15 +47,15 @@ use crate::surface::geometry::SurfaceModel;
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum RunError {
-    /// It could not start.
+    /// The scene could not be put together.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// The fail-safe ended it.
+    /// The fail-safe ended the run.
     #[error(transparent)]
     Fault(#[from] Fault),
 }
 
-/// What an observer sees after a tick.
+/// State of a run after a tick, as observers see it.
 ///
 /// ```
 /// use stickslip::{pipeline, scene::Scene};
@@ -70,53 +70,53 @@ pub enum RunError {
 /// ```
 #[derive(Debug)]
 pub struct TickView<'a> {
-    /// Counted from 0.
+    /// Number of the tick, from 0.
     pub tick: u64,
-    /// At the end of the tick, s.
+    /// Time at the end of the tick, s.
     pub time: f64,
-    /// The tip at the start of the tick, m.
+    /// Tip position at the start of the tick, m.
     pub tip_before: Vec3,
-    /// The tip at its end, m.
+    /// Tip position at the end of the tick, m.
     pub tip: Vec3,
-    /// The force commanded to the instrument, before device limits, N.
+    /// Force commanded to the instrument, before device limits, N.
     pub force: Vec3,
-    /// What the tick did; of the last one that was computed if this one was skipped.
+    /// Report of the tick, or of the last computed one if this tick was skipped.
     pub report: &'a TickReport,
-    /// Whether it met its deadline.
+    /// Whether the tick met its deadline.
     pub deadline_outcome: DeadlineOutcome,
     /// Whether the run has deadlines.
     pub has_deadlines: bool,
-    /// The local side, at the end of the tick.
+    /// Local side at the end of the tick.
     pub local: &'a LocalSimulation,
     /// The full model.
     pub network: &'a Network,
-    /// The network as the global side left it at the last boundary.
+    /// State of the network at the last boundary.
     pub network_state: &'a State,
-    /// Age of the model that did it, ticks.
+    /// Age of the local model in use, ticks.
     pub model_age: u64,
-    /// Energies at its end.
+    /// Energy balance at the end of the tick.
     pub energy: &'a EnergyBalance,
-    /// What both sides have computed so far.
+    /// Work counts of both sides so far.
     pub work: WorkCounts,
-    /// What became of the exterior in the models so far, if it is condensed.
+    /// Counts of how models condensed their exterior so far, if they condense it.
     pub condensation: Option<CondensationCounts>,
-    /// The modelled device at its end, if there is one.
+    /// Modelled device at the end of the tick, if there is one.
     pub device: Option<DeviceView>,
 }
 
 impl TickView<'_> {
-    /// f·n̂ of the commanded force, N; 0 when free.
+    /// Returns f·n̂ of the commanded force, N; 0 when free.
     pub fn normal_force(&self) -> f64 {
         self.report.touch.map_or(0.0, |touch| self.force.dot(&touch.normal))
     }
 
-    /// |f − (f·n̂) n̂| of the commanded force, N; 0 when free.
+    /// Returns |f − (f·n̂) n̂| of the commanded force, N; 0 when free.
     pub fn tangential_force(&self) -> f64 {
         self.report.touch.map_or(0.0, |touch| (self.force - touch.normal * self.normal_force()).norm())
     }
 }
 
-/// Parts of one's own, in place of what the scene says.
+/// Custom parts, in place of those of the scene.
 #[derive(Debug, Default)]
 pub struct OwnParts {
     /// Mesh in place of the scene's. The scene's masses, and the constants of springs where each has its own, must be as
@@ -153,16 +153,16 @@ pub enum AssemblyError {
         /// How deep, m.
         depth_m: f64,
     },
-    /// A renderer of one's own gets its models from cycles that are replayed.
-    #[error("a renderer of one's own needs `local.model = \"patch\"` and `sync.mode = \"replay\"`")]
+    /// A custom renderer gets its models from cycles that are replayed.
+    #[error("a custom renderer needs `local.model = \"patch\"` and `sync.mode = \"replay\"`")]
     NoCycle,
-    /// A renderer of one's own that moves no nodes pushes the network, which an implicit global step does not take.
-    #[error("a renderer that moves no nodes needs an explicit `global.integrator`")]
+    /// A custom renderer that moves no nodes pushes the network, which an implicit global step does not take.
+    #[error("a custom renderer that moves no nodes needs an explicit `global.integrator`")]
     PushedImplicitly,
 }
 
 impl AssemblyError {
-    /// With the place in the scene that decides it.
+    /// Adds the place in the scene that decides the error.
     fn located(self, scene: &Scene) -> SceneError {
         match self {
             Self::Network(error) => scene.error(Problem::Network(error)),
@@ -187,7 +187,7 @@ pub struct Sides {
     pub global: GlobalSide,
 }
 
-/// A scene put together, ready to run.
+/// An assembled scene, ready to run.
 ///
 /// ```
 /// use stickslip::contact::law::Mode;
@@ -244,7 +244,7 @@ impl Simulation {
         Self::prepare_with(scene, OwnParts::default())
     }
 
-    /// The same with parts of one's own in place of the scene's.
+    /// Assembles a scene with custom parts in place of its own.
     ///
     /// # Errors
     /// As [`prepare`](Self::prepare), or if a part does not fit the scene.
@@ -322,43 +322,43 @@ impl Simulation {
         })
     }
 
-    /// The same with other times than the scene's.
+    /// Replaces the times at which ticks end and models arrive.
     pub fn with_timeline(self, timeline: Timeline) -> Self {
         Self { timeline, ..self }
     }
 
-    /// The full model.
+    /// Returns the full model.
     pub fn network(&self) -> &Network {
         &self.network
     }
 
-    /// Its surface.
+    /// Returns the boundary triangles of the body.
     pub fn surface(&self) -> &Surface {
         &self.surface
     }
 
-    /// The local side.
+    /// Returns the local side.
     pub fn local(&self) -> &LocalSimulation {
         self.servo.local()
     }
 
-    /// The modelled device, if there is one.
+    /// Returns the modelled device, if there is one.
     pub fn device(&self) -> Option<&CoupledPhantom> {
         self.servo.device()
     }
 
-    /// The global side.
+    /// Returns the global side.
     pub fn global(&self) -> &GlobalSimulation {
         self.global.simulation()
     }
 
-    /// The two sides, for another schedule or a loop of one's own. (A clone of the servo side has to allocate its scratch
-    /// again in its first ticks; this one has it.)
+    /// Returns the two sides, for another schedule or a custom loop. A clone of the servo side allocates its workspace
+    /// again in its first ticks; this one has it.
     pub fn into_sides(self) -> Sides {
         Sides { servo: self.servo, global: self.global }
     }
 
-    /// How much of the patch's path the global side needs; `None` if there are no cycles.
+    /// Returns how much of the patch's path the global side needs; `None` without cycles.
     pub fn recording(&self) -> Option<PathRecording> {
         (!self.is_full).then_some(self.recording)
     }
@@ -372,7 +372,7 @@ impl Simulation {
         self.run_timed(|_| (), observe)
     }
 
-    /// As [`run`](Self::run); `mark` is told of every moment of the schedule as it comes.
+    /// Runs as [`run`](Self::run) does; `mark` is called at every moment of the schedule.
     ///
     /// # Errors
     /// With the fault that ended the run.
@@ -385,7 +385,7 @@ impl Simulation {
     }
 }
 
-/// A run in lockstep, tick by tick.
+/// A run in lockstep in virtual time, tick by tick.
 ///
 /// ```
 /// use stickslip::{pipeline::{Lockstep, Simulation}, scene::Scene};
@@ -413,7 +413,7 @@ pub struct Lockstep {
 }
 
 impl Lockstep {
-    /// Before the first tick.
+    /// Starts a run before its first tick.
     pub fn new(simulation: Simulation) -> Self {
         let ground = if simulation.is_full { simulation.network.fixed_potential() } else { 0.0 };
         let mut energy = EnergyBalance::new(ground);
@@ -424,19 +424,19 @@ impl Lockstep {
         run
     }
 
-    /// The servo side after the last tick.
+    /// Returns the servo side after the last tick.
     pub fn servo(&self) -> &Servo {
         &self.simulation.servo
     }
 
-    /// A copy of the servo side as it enters the next tick, with the model that is due then; `None` after the last tick, or
+    /// Returns a copy of the servo side as it enters the next tick, with the model that is due then; `None` after the last tick, or
     /// where the global side ends the run before it.
     pub fn servo_at_next_tick(&self) -> Option<Servo> {
         let mut ahead = self.clone();
         matches!(ahead.begin(&mut |_| ()), Ok(true)).then_some(ahead.simulation.servo)
     }
 
-    /// One tick, with what comes before it: the boundary of a cycle, a model that is due. `None` when the run is over.
+    /// Does one tick, with what comes before it: the boundary of a cycle, a model that is due. `None` when the run is over.
     ///
     /// # Errors
     /// With the fault that ended the run.
@@ -444,7 +444,7 @@ impl Lockstep {
         self.step_timed(&mut |_| ())
     }
 
-    /// As [`step`](Self::step); `mark` is told of every moment of the schedule as it comes.
+    /// Does one tick as [`step`](Self::step); `mark` is called at every moment of the schedule as it comes.
     ///
     /// # Errors
     /// With the fault that ended the run.
@@ -452,7 +452,7 @@ impl Lockstep {
         if self.begin(mark)? { self.finish(mark).map(Some) } else { Ok(None) }
     }
 
-    /// Everything before a tick. Returns whether there is one.
+    /// Does what comes before a tick. Returns whether there is one.
     fn begin(&mut self, mark: &mut impl FnMut(Moment)) -> Result<bool, Fault> {
         let Simulation { global, servo, timeline, ticks_per_cycle, tick_count, recording, is_full, .. } =
             &mut self.simulation;
@@ -480,7 +480,7 @@ impl Lockstep {
         Ok(true)
     }
 
-    /// The tick itself.
+    /// Does the tick itself.
     fn finish(&mut self, mark: &mut impl FnMut(Moment)) -> Result<TickView<'_>, Fault> {
         let Simulation { global, network, servo, timeline, tick_s, is_full, recording, .. } = &mut self.simulation;
         let deadline_outcome = timeline.deadline_outcome(servo.next_tick());
@@ -524,7 +524,7 @@ impl Lockstep {
         })
     }
 
-    /// The path from here on of the model now in use, to the end of the cycle at most.
+    /// Begins to record the path of the model in use, to the end of the cycle at most.
     fn begin_segment(&mut self) {
         let Simulation { servo, ticks_per_cycle, tick_count, .. } = &self.simulation;
         let tick_in_cycle = servo.next_tick() % ticks_per_cycle;
@@ -538,7 +538,7 @@ impl Lockstep {
     }
 }
 
-/// Puts a scene together and runs it.
+/// Assembles a scene and runs it.
 ///
 /// # Errors
 /// If the scene cannot start, or the fail-safe ends it.
