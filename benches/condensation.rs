@@ -1,7 +1,7 @@
-//! Building C: blocks of about 1,000, 4,096 and 10,000 nodes, a patch of 50 nodes, one core.
+//! Condensation of the exterior into C: blocks of about 1,000, 4,096 and 10,000 nodes, a patch of 50 nodes, one core.
 //!
-//! `cargo bench --bench condensation`. *Known patch*: assembly and factor, as in a cycle whose patch is that
-//! of the cycle before. *New patch*: with the order of elimination and the analysis of the pattern.
+//! `cargo bench --bench condensation`. *Known patch*: assembly and factorisation, as in a cycle with the patch of the
+//! previous one. *New patch*: also the order of elimination and the analysis of the pattern.
 
 use std::hint::black_box;
 

@@ -1,11 +1,11 @@
-//! Ratios from one run in which the cases take turns, so that a slow moment of the machine meets all
+//! Ratios from one run in which the cases take turns, so that a slow moment of the machine affects all
 //! of them.
 
 use std::time::Instant;
 
 const ROUNDS: usize = 60;
 
-/// A name, and what is timed.
+/// Name and timed closure.
 pub type Case = (&'static str, Box<dyn FnMut()>);
 
 /// Times `calls` calls of each case in turn and prints medians and quartiles of the ratio to the

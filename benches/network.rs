@@ -1,4 +1,4 @@
-//! The full network's forces per spring, and what a new local model costs on meshes of different
+//! Forces of the full network per spring, and the cost of a new local model on meshes of different
 //! size.
 //!
 //! `cargo bench --bench network`
@@ -54,7 +54,7 @@ fn forces(nodes: [usize; 3]) -> (usize, impl FnMut()) {
     (network.springs.len(), move || network.forces(black_box(&state.x), black_box(&state.v), &mut f))
 }
 
-/// A cycle's steps by semi-implicit Euler.
+/// Times a cycle's steps by semi-implicit Euler.
 fn steps(nodes: [usize; 3], threads: Threads) -> impl FnMut() {
     let (network, _) = network(nodes);
     let (rest, mut stepper) = (network.rest_state(), Stepper::new(&network));
@@ -67,7 +67,7 @@ fn steps(nodes: [usize; 3], threads: Threads) -> impl FnMut() {
     }
 }
 
-/// Linearising a patch of one ring in the middle of the top.
+/// Times the linearisation of a patch of one ring in the middle of the top.
 fn linearise(nodes: [usize; 3]) -> impl FnMut() {
     let (network, surface) = network(nodes);
     let state = network.rest_state();
@@ -81,7 +81,7 @@ fn linearise(nodes: [usize; 3]) -> impl FnMut() {
     }
 }
 
-/// Selecting that patch: the nearest of all surface vertices, then its rings.
+/// Times the selection of that patch: the nearest of all surface vertices, then its rings.
 fn select(nodes: [usize; 3]) -> impl FnMut() {
     let (network, surface) = network(nodes);
     let state = network.rest_state();
@@ -92,7 +92,7 @@ fn select(nodes: [usize; 3]) -> impl FnMut() {
     }
 }
 
-/// The whole message: patch, linear forces, and the geometry of the exterior.
+/// Times the whole message: patch, linear forces, and the geometry of the exterior.
 fn build(nodes: [usize; 3]) -> impl FnMut() {
     let (network, surface) = network(nodes);
     let state = network.rest_state();

@@ -1,8 +1,8 @@
-//! One haptic tick of `fig5-stick-slip` (42 degrees of freedom), in contact and free, against
+//! One haptic tick of `fig5-stick-slip` (42 degrees of freedom), in contact and free, compared with
 //! nalgebra's bare matrix–vector product of the same size.
 //!
 //! `cargo bench --bench tick` prints criterion's figures, then the ratios from one interleaved run:
-//! on a shared machine only these compare.
+//! on a shared machine only the ratios are comparable.
 
 #[path = "interleaved.rs"]
 mod interleaved;
@@ -27,13 +27,13 @@ fn local(change: impl FnOnce(&mut Scene)) -> LocalSimulation {
     Simulation::prepare(&scene).expect("it starts outside").into_sides().servo.into_local()
 }
 
-/// A tip that goes back and forth by a millimetre at 50 mm/s, at a height over the rest surface.
+/// Returns a tip that moves back and forth by a millimetre at 50 mm/s, at a height over the rest surface.
 fn tip(tick: u64, height: f64) -> Vec3 {
     let phase = (tick % 80) as f64 / 40.0;
     Vec3::new(-0.03 + 0.002 * if phase < 1.0 { phase } else { 2.0 - phase }, 0.0013, height)
 }
 
-/// A closure that does one tick a call, already in contact (or free), and checks that it stays so.
+/// Returns a closure that does one tick a call, already in contact (or free), and checks that it stays so.
 fn ticking(mut local: LocalSimulation, height: f64) -> impl FnMut() {
     let (mut tick, mut before) = (0, tip(0, 0.002));
     let mut step = move |height: f64| {
@@ -43,7 +43,7 @@ fn ticking(mut local: LocalSimulation, height: f64) -> impl FnMut() {
         before = after;
         report
     };
-    // Down through the surface, as a collision needs.
+    // The tip moves down through the surface, as a collision requires.
     for i in 0..80 {
         step(0.002 + (height - 0.002) * f64::from(i) / 79.0);
     }
@@ -65,7 +65,7 @@ fn with_subdivision_and_velocity(scene: &mut Scene) {
     scene.contact.law = Law::Sliding;
 }
 
-/// Times every single tick, the cases in turn, and prints percentiles. Reading the clock takes some 30 ns
+/// Times every single tick, the cases in turn, and prints percentiles. Reading the clock takes about 30 ns
 /// of each.
 fn print_percentiles(cases: &mut [interleaved::Case], ticks: usize) {
     let mut times = vec![Vec::with_capacity(ticks); cases.len()];
@@ -126,7 +126,7 @@ fn main() {
     group.finish();
     criterion.final_summary();
     interleaved::print_ratios(&mut cases, 2000);
-    // The full network is no haptic model.
+    // The full network is not a haptic model.
     cases.pop();
     print_percentiles(&mut cases, 120_000);
 }

@@ -1,4 +1,4 @@
-//! The engine of `stickslip accuracy`: what local models are off, and what it says of those that fail.
+//! Errors of local models as `stickslip accuracy` computes them, and the status of models that fail.
 
 use stickslip::local::condensation::{Condensation, Reach};
 use stickslip::local::model::{ExteriorKind, Linearization, LocalSettings};
@@ -32,8 +32,8 @@ fn condensed(rings: u32, linearization: Linearization, tangent: TangentKind) -> 
     LocalSettings { extent: Extent::Rings(rings), linearization, exterior }
 }
 
-/// Relative force errors on deep-sliding, -sticking and -stick-slip as an independent program in Python has
-/// them, to three decimals.
+/// Relative force errors on deep-sliding, -sticking and -stick-slip from an independent program in Python,
+/// to three decimals.
 #[test]
 fn errors_on_the_deep_drags_are_those_of_another_program() {
     let worst = Worst::new("numpy trial", "relative force error of local models on the deep drags", 0.002);
@@ -57,7 +57,7 @@ fn errors_on_the_deep_drags_are_those_of_another_program() {
     }
 }
 
-/// All springs of all nodes are the network itself: every error is nothing, and nothing is claimed of it.
+/// A local model with all springs of all nodes is the network itself: every error is 0, and the status is unresolved.
 #[test]
 fn the_network_itself_has_no_error_and_is_unresolved() {
     let scene = small_scene("law = \"stick-slip\"\nfriction = 0.5", "rings = 1", PRESS_AND_DRAG);
@@ -74,7 +74,7 @@ fn the_network_itself_has_no_error_and_is_unresolved() {
     assert_eq!((found.is_unresolved, found.status(true)), (true, Status::Unresolved));
 }
 
-/// The extreme that runs away stays in the comparison, with what it did before its fault and no force after.
+/// A diverged extreme stays in the comparison, with its results before the fault and no force after it.
 #[test]
 fn what_runs_away_is_diverged_and_kept() {
     let scene = shipped("deep-stick-slip-faceted");
@@ -82,14 +82,14 @@ fn what_runs_away_is_diverged_and_kept() {
     assert!(grid(&scene, Coverage::Default).expect("a grid").methods.contains(&own));
     let reference = Reference::of(&scene, own.touching).expect("it starts outside");
     let found = assess(&scene, &reference, scene.local());
-    assert!(found.record.fault.as_ref().is_some_and(|fault| fault.contains("ran away")), "{:?}", found.record.fault);
+    assert!(found.record.fault.as_ref().is_some_and(|fault| fault.contains("diverged: ")), "{:?}", found.record.fault);
     assert_eq!((found.status(true), found.status(false)), (Status::Diverged, Status::Diverged));
     assert_eq!(found.record.samples().len(), 1200);
     assert!(found.record.samples().last().is_some_and(|last| last.force.norm() == 0.0));
     assert!(found.errors.force_error_rms_rel.is_finite());
 }
 
-/// A force that is worse than none is as good as a fault.
+/// A force that is worse than none counts like a fault.
 #[test]
 fn a_force_worse_than_none_is_diverged() {
     let scene = small_scene("law = \"sliding\"", "rings = 1", PRESS_AND_DRAG);
@@ -101,7 +101,7 @@ fn a_force_worse_than_none_is_diverged() {
     assert_eq!(found.status(true), Status::Diverged);
 }
 
-/// Parts of the error and what the windows say add up to the whole.
+/// The parts of the error, and the errors of the windows, add up to the whole.
 #[test]
 fn errors_add_up() {
     let worst = Worst::new("sum of its parts", "square of the relative force error", 1e-16);
@@ -139,7 +139,7 @@ fn grids_hold_the_paper_the_scene_and_nothing_twice() {
         }
         assert!(few.methods.iter().all(|method| many.methods.contains(method)), "{local}");
     }
-    // A model that comes 50 ticks late has no place in a cycle of 20.
+    // A latency of 50 ticks does not fit into a cycle of 20.
     let mut late = small_scene("law = \"sliding\"", "rings = 1", PRESS_AND_DRAG);
     late.global.latency_ticks = 50;
     let late = grid(&late, Coverage::Default).expect("a grid");
@@ -147,7 +147,7 @@ fn grids_hold_the_paper_the_scene_and_nothing_twice() {
     assert!(late.left_out.len() == 1 && late.left_out[0].contains("50 Hz"), "{:?}", late.left_out);
 }
 
-/// A method runs what it says: the substeps of the global side stay as long as they are.
+/// A method's scene has its settings, and the length of the global side's substeps is unchanged.
 #[test]
 fn methods_become_scenes() {
     let scene = small_scene("law = \"sliding\"", "rings = 1", PRESS_AND_DRAG);

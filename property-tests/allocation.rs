@@ -1,5 +1,5 @@
-//! The servo tick allocates nothing: 10⁵ ticks through collision, every contact mode, walking over
-//! edges, tension and release, with an allocator that counts.
+//! The servo tick does not allocate: 10⁵ ticks through collision, every contact mode, walks over
+//! edges, tension and release, with a counting allocator.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -7,7 +7,7 @@ use std::cell::Cell;
 use stickslip::device::coupling::{CouplingSettings, HandOverSmoothing, PassivityController, VirtualCoupling};
 use stickslip::device::path::{TipPath, Waypoint};
 use stickslip::device::phantom::{Phantom, PhantomSettings};
-use stickslip::multirate::timeline::{Fate, OverrunPolicy};
+use stickslip::multirate::timeline::{DeadlineOutcome, OverrunPolicy};
 use stickslip::{
     Body, BodyState, ContactLaw, Instrument, InstrumentFault, Law, Mode, OwnParts, Rendered, Renderer, RendererFault,
     RendererModel, Scene, Simulation, Vec3,
@@ -19,7 +19,7 @@ thread_local! {
     static COUNT: Cell<u64> = const { Cell::new(0) };
 }
 
-// SAFETY: passes every call on to the system allocator unchanged.
+// SAFETY: every call is passed on to the system allocator unchanged.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         COUNT.with(|count| count.set(count.get() + 1));
@@ -40,14 +40,14 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Allocations and releases by this thread while `work` runs.
+/// Counts this thread's allocations and releases while `work` runs.
 fn allocations(work: impl FnOnce()) -> u64 {
     let before = COUNT.with(Cell::get);
     work();
     COUNT.with(Cell::get) - before
 }
 
-/// In and out of the surface and across it, without a period in common with the mesh.
+/// Path in and out of the surface and across it, without a period in common with the mesh.
 fn tip(tick: u64) -> Vec3 {
     let t = tick as f64 * 1e-3;
     Vec3::new(0.02 * (1.3 * t).sin(), 0.015 * (0.9 * t).cos(), 0.0005 - 0.002 * (7.0 * t).sin())
@@ -102,7 +102,7 @@ fn a_hundred_thousand_ticks_allocate_nothing() {
                 }
             });
             assert_eq!(count, 0, "{law} {surface}: {count} calls of the allocator in {ticks} ticks");
-            // The one model's patch is left now and then: rigid ground slides under every law.
+            // The only model's patch is left now and then: rigid ground slides under every law.
             let expected = match scene.contact.law {
                 Law::Sliding => [true, false, true, false],
                 Law::Sticking => [true, true, true, false],
@@ -116,13 +116,13 @@ fn a_hundred_thousand_ticks_allocate_nothing() {
     }
 }
 
-/// The count is not zero because nothing is counted.
+/// The counter does count, so that a count of zero has a meaning.
 #[test]
 fn the_counter_counts() {
     assert!(allocations(|| drop(std::hint::black_box(Box::new(1)))) == 2);
 }
 
-/// The modelled device with everything that may stand before it, pressed into a wall.
+/// The modelled device with every optional stage before it, pressed into a wall.
 #[test]
 fn a_modelled_device_allocates_nothing() {
     let waypoints = [(0.0, 0.002), (1.0, -0.01)];
@@ -149,7 +149,7 @@ fn a_modelled_device_allocates_nothing() {
     assert_eq!(count, 0);
 }
 
-/// The loop with the device, coupling, passivity control and smoothing in it, also where ticks are late.
+/// The loop with device, coupling, passivity control and smoothing, also where ticks are late.
 #[test]
 fn a_servo_tick_with_a_device_allocates_nothing() {
     let text = include_str!("../fixtures/closed-loop/stick-slip-by-hand.toml")
@@ -159,14 +159,14 @@ fn a_servo_tick_with_a_device_allocates_nothing() {
     let mut touching = 0;
     let count = allocations(|| {
         for tick in 0..1000 {
-            let fate = match tick % 10 {
-                3 => Fate::Late(OverrunPolicy::Hold),
-                5 => Fate::Late(OverrunPolicy::Zero),
-                7 => Fate::Late(OverrunPolicy::Skip),
-                8 => Fate::Skipped,
-                _ => Fate::OnTime,
+            let deadline_outcome = match tick % 10 {
+                3 => DeadlineOutcome::Late(OverrunPolicy::Hold),
+                5 => DeadlineOutcome::Late(OverrunPolicy::Zero),
+                7 => DeadlineOutcome::Late(OverrunPolicy::Skip),
+                8 => DeadlineOutcome::Skipped,
+                _ => DeadlineOutcome::OnTime,
             };
-            let done = servo.tick(fate).expect("no fault");
+            let done = servo.tick(deadline_outcome).expect("no fault");
             touching += u32::from(done.report.touch.is_some());
         }
     });
@@ -174,7 +174,7 @@ fn a_servo_tick_with_a_device_allocates_nothing() {
     assert_eq!(count, 0);
 }
 
-/// What the seam for a law, an instrument and a renderer of one's own adds to a servo tick.
+/// A servo tick with a law, an instrument and a renderer from outside.
 #[test]
 fn a_servo_tick_with_own_parts_allocates_nothing() {
     #[derive(Debug)]
@@ -221,7 +221,7 @@ fn a_servo_tick_with_own_parts_allocates_nothing() {
         let mut pressing = 0;
         let count = allocations(|| {
             for _ in 0..1000 {
-                let done = servo.tick(Fate::OnTime).expect("no fault");
+                let done = servo.tick(DeadlineOutcome::OnTime).expect("no fault");
                 pressing += u32::from(done.force.z > 0.0);
             }
         });

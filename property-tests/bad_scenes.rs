@@ -1,17 +1,17 @@
-//! What is wrong with scenes, their meshes and their recordings, as the program says it.
+//! Messages of the program about invalid scenes, meshes and recordings.
 
 use std::fs;
 
 use super::{Folder, GOOD, run, stderr, stickslip};
 
-/// What it says of its mesh.
+/// Table of the scene's mesh.
 const BLOCK: &str = "kind = \"block\"
 nodes = [9, 9, 4]                   # along x, y, z; top layer at z = 0
 spacing = 0.0125                    # m
 stencil = \"shear\"
 fixed = \"bottom\"";
 
-/// A mesh from one of the files in every format, and more keys.
+/// Table of a mesh from a file of any format, with additional keys.
 macro_rules! mesh_file {
     ($file:literal, $more:literal) => {
         concat!(
@@ -25,10 +25,10 @@ macro_rules! mesh_file {
     };
 }
 
-/// What it says of its instrument's kind.
+/// Line of the instrument's kind.
 const KIND: &str = "kind = \"path\"";
 
-/// (what is wrong, text in the good scene, its replacement, words that the message must have)
+/// Cases: (defect, text in the good scene, its replacement, words that the message must have).
 const BAD: &[(&str, &str, &str, &[&str])] = &[
     (
         "unknown key",
@@ -173,7 +173,7 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
         "short waypoint",
         "[1.2, 0.02, 0.0013, -0.003]",
         "[1.2, 0.02, 0.0013]",
-        &["instrument.waypoints", "four numbers", ":41:"],
+        &["instrument.waypoints", "four numbers", ":40:73"],
     ),
     ("no waypoints", "waypoints = [[0.0", "waypoints = [] # [[0.0", &["instrument.waypoints", "no waypoint"]),
     ("NaN waypoint", "[1.2, 0.02", "[1.2, nan", &["instrument.waypoints", "not finite"]),
@@ -217,7 +217,7 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
         "a coupling too light",
         KIND,
         "kind = \"phantom-1.5\"\ncoupling = { mass = 1e-4 }",
-        &["instrument.coupling.mass", "swings up by itself"],
+        &["instrument.coupling.mass", "coupling alone is unstable"],
     ),
     (
         "negative joint friction",
@@ -295,7 +295,7 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
         "settling of what floats",
         "duration = 1.2",
         "duration = 1.2\nsettle = true",
-        &["node 0 hangs on no fixed node", "mesh.fixed", ":4:"],
+        &["node 0 is connected to no fixed node", "mesh.fixed", ":4:"],
     ),
     ("no nodes", "nodes = [9, 9, 4]", "", &["`mesh.nodes` is missing", "nodes along x, y and z"]),
     ("no spacing", "spacing = 0.0125", "", &["`mesh.spacing` is missing"]),
@@ -319,7 +319,12 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
     ("no file", BLOCK, "kind = \"file\"", &["`mesh.path` is missing", ".vtu"]),
     ("a missing file", BLOCK, "kind = \"file\"\npath = \"none.msh\"", &["none.msh", "cannot be read", "relative to"]),
     ("a folder", BLOCK, "kind = \"file\"\npath = \".\"", &["cannot be read", "relative to"]),
-    ("no mesh file", BLOCK, "kind = \"file\"\npath = \"scene.toml\"", &["no mesh file by its name", ".vtk legacy"]),
+    (
+        "no mesh file",
+        BLOCK,
+        "kind = \"file\"\npath = \"scene.toml\"",
+        &["not a mesh file by its extension", ".vtk legacy"],
+    ),
     ("a scale of zero", BLOCK, mesh_file!("solid-text.vtu", "scale = 0.0"), &["mesh.scale", "above 0"]),
     ("a scale of NaN", BLOCK, mesh_file!("solid-text.vtu", "scale = nan"), &["mesh.scale", "NaN"]),
     (
@@ -385,7 +390,7 @@ fn bad_scenes_end_with_code_2_one_message_and_no_folder() {
         assert_eq!(output.status.code(), Some(2), "{what}: {message}");
         assert!(!out.exists(), "{what}: a folder was left");
         assert_eq!(message.matches('×').count(), 1, "{what}: one error\n{message}");
-        // However the terminal wraps it.
+        // The words may be wrapped by the terminal.
         let flat = message.replace("\n  │", "").split_whitespace().collect::<Vec<_>>().join(" ");
         assert!(flat.contains("scene.toml:"), "{what}: no file, line and column\n{message}");
         for word in *words {
@@ -395,7 +400,7 @@ fn bad_scenes_end_with_code_2_one_message_and_no_folder() {
     }
 }
 
-/// A body in mm that is taken for one in m.
+/// A body in mm that is mistaken for one in m.
 #[test]
 fn a_unit_in_doubt_is_a_warning() {
     let folder = Folder::new("units");

@@ -1,5 +1,5 @@
-//! `stickslip check`: what differs from a baseline is found and named, and nothing but `--accept`
-//! changes one.
+//! `stickslip check`: every difference from a baseline is found and named, and only `--accept`
+//! changes a baseline.
 
 use std::fs;
 use std::path::Path;
@@ -16,7 +16,7 @@ use stickslip::local::patch::Extent;
 use stickslip::scene::Scene;
 use stickslip::surface::geometry::ContactSurface;
 use stickslip::verify::baseline::{Provenance, Store};
-use stickslip::verify::compare::{Outcome, compare};
+use stickslip::verify::compare::{ComparisonOutcome, compare};
 use stickslip::verify::results::{Number, Results};
 
 use super::{Folder, stderr, stickslip};
@@ -53,7 +53,7 @@ fn write(folder: &Folder, scene: &str, baseline: &Value) {
     folder.write(&format!("baselines/{scene}.json"), &baseline.to_string());
 }
 
-/// The value of a quantity at a kept tick.
+/// Returns the value of a quantity at a kept tick.
 fn value<'a>(baseline: &'a mut Value, quantity: &str, tick: u64) -> &'a mut Value {
     let results = &mut baseline["results"];
     let names = results["quantities"].as_array().expect("names");
@@ -84,7 +84,7 @@ fn the_shipped_baselines_hold_in_a_clone_and_out_of_one() {
     }
 }
 
-/// (what, scene, what is done to its baseline, words of one line of the table)
+/// Cases: (name, scene, change of its baseline, words of one line of the table).
 type Change = (&'static str, &'static str, fn(&mut Value), &'static [&'static str]);
 
 const FAILING: &[Change] = &[
@@ -163,7 +163,7 @@ fn round_off_passes_and_less_work_is_reported() {
     assert!(table.lines().any(improved), "{table}");
 }
 
-/// A way to change the solver, and the first tick at which that can show.
+/// Change of the solver, and the first tick at which it can show.
 type Changed = (&'static str, fn(&mut Scene), u64);
 
 fn change_local(scene: &mut Scene, change: fn(&mut LocalSettings)) {
@@ -172,7 +172,7 @@ fn change_local(scene: &mut Scene, change: fn(&mut LocalSettings)) {
     *scene = scene.clone().with_local_model(local);
 }
 
-/// Solvers other than the one that was accepted, doing the same scene. A cycle is 100 ticks, and
+/// Solvers other than the accepted one, on the same scene. A cycle has 100 ticks, and
 /// every 20th tick is kept.
 const OTHER_SOLVERS: &[Changed] = &[
     ("another global integrator", |scene| scene.global.integrator = GlobalIntegrator::Rk4, 100),
@@ -197,7 +197,7 @@ fn another_solver_fails_from_where_it_shows() {
         change(&mut changed);
         let results = Results::of(&changed, |_| {}).expect("it starts outside");
         let comparisons = compare(&baseline, &Provenance::of(&scene), &results);
-        comparisons.into_iter().filter(|c| c.outcome == Outcome::Fail).collect::<Vec<_>>()
+        comparisons.into_iter().filter(|c| c.outcome == ComparisonOutcome::Fail).collect::<Vec<_>>()
     };
     assert!(failed(&|_| {}).is_empty());
     for (what, change, earliest) in OTHER_SOLVERS {
@@ -220,7 +220,7 @@ fn a_run_that_is_not_finite_fails_against_anything() {
         assert_eq!(results.not_finite(), Some(("fn".to_owned(), Some(400))));
         let failed: Vec<_> = compare(&baseline, &Provenance::of(&scene), &results)
             .into_iter()
-            .filter(|comparison| comparison.outcome == Outcome::Fail)
+            .filter(|comparison| comparison.outcome == ComparisonOutcome::Fail)
             .map(|comparison| (comparison.quantity, comparison.first_tick))
             .collect();
         assert_eq!(failed, [("trace fn".to_owned(), Some(400))]);
@@ -272,7 +272,7 @@ fn timing_has_a_control_and_no_say_in_the_verdict() {
     let output = timed(&this, "6");
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert_eq!(output.status.code(), Some(0), "{text}{}", stderr(&output));
-    for word in ["median ratio", "96.9 % interval", "control", "the smallest effect it could have seen is"] {
+    for word in ["median ratio", "96.9 % interval", "control", "the smallest detectable effect is"] {
         assert!(text.contains(word), "{word} is not in\n{text}");
     }
     assert_eq!(timed(&this, "5").status.code(), Some(2));

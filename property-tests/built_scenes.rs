@@ -1,4 +1,4 @@
-//! Scenes built in Rust: the same runs as from a file, and the same checks.
+//! Scenes built in Rust run like those from files, and pass the same checks.
 
 use stickslip::contact::law::Law;
 use stickslip::contact::rules::Scheme;
@@ -67,8 +67,13 @@ fn lengths_and_rates_follow_from_each_other() {
     }
 }
 
-/// (a change, the key of what is wrong then)
-const WRONG: &[(fn(Scene) -> Scene, &str)] = &[
+/// A change of a scene.
+type Change = fn(Scene) -> Scene;
+/// A change of a scene's fields.
+type ChangeInPlace = fn(&mut Scene);
+
+/// Cases: (change of the scene, key that it makes invalid).
+const WRONG: &[(Change, &str)] = &[
     (|scene| renamed(scene, "../up"), "name"),
     (|scene| scene.with_ticks(0), "duration"),
     (|scene| scene.with_ticks(u64::MAX), "mesh.nodes"),
@@ -90,8 +95,8 @@ const WRONG: &[(fn(Scene) -> Scene, &str)] = &[
     ),
 ];
 
-/// The same for what is set in place.
-const WRONG_IN_PLACE: &[(fn(&mut Scene), &str)] = &[
+/// Fields that are set in place are checked like built ones.
+const WRONG_IN_PLACE: &[(ChangeInPlace, &str)] = &[
     (|scene| scene.mesh = Block { nodes: [9, 9, 1], ..BLOCK }.into(), "mesh.nodes"),
     (|scene| scene.mesh = Block { spacing: f64::NAN, ..BLOCK }.into(), "mesh.spacing"),
     (|scene| scene.material.node_mass[7] = -1.0, "material.node_mass"),
@@ -154,7 +159,7 @@ fn what_is_wrong_is_named_by_its_key_before_a_run() {
     }
 }
 
-/// In any order: a scheme that an integrator needs may come after it.
+/// The order of calls does not matter: a scheme that an integrator needs may come after it.
 #[test]
 fn settings_that_need_each_other_come_in_any_order() {
     let scene = built().with_local_integrator(LocalIntegrator::ImplicitEuler);

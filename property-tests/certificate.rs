@@ -1,11 +1,11 @@
-//! The statistics of a certificate against closed forms, exact sums, and samples whose distribution is known.
+//! Statistics of a certificate compared with closed forms, exact sums, and samples of known distribution.
 
 use proptest::prelude::*;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use statrs::distribution::{Binomial, ContinuousCDF, Discrete, DiscreteCDF, Normal};
 use stickslip::verify::certificate::bounds::{CONFIDENCE, RateBound, Trials, Untested, ljung_box};
-use stickslip::verify::certificate::causes::{Cause, Missed, StealSample, steal_grew};
+use stickslip::verify::certificate::causes::{MissCause, Missed, StealSample, steal_grew};
 use stickslip::verify::certificate::tail::{Gev, HORIZONS_TICKS, Tail, Tests};
 
 use crate::check::{Worst, runner};
@@ -25,7 +25,7 @@ impl Draws {
         Normal::standard().inverse_cdf(self.uniform())
     }
 
-    /// xᵢ = memory xᵢ₋₁ + noise.
+    /// Builds the series xᵢ = memory xᵢ₋₁ + noise.
     fn autoregressive(&mut self, memory: f64, values: usize) -> Vec<f64> {
         let mut x = 0.0;
         let mut step = || {
@@ -44,7 +44,7 @@ fn bound(events: u64, trials: u64) -> RateBound {
     RateBound::of(events, trials, Trials::Ticks).expect("a bound")
 }
 
-/// Up to 1000 trials the sum over the binomial distribution is exact to rounding; its terms go from one to the next
+/// Up to 1000 trials the sum over the binomial distribution is exact to rounding; each term follows from the one before
 /// by a ratio.
 fn at_most(events: u64, trials: u64, rate: f64) -> f64 {
     let mut term = (trials as f64 * (-rate).ln_1p()).exp();
@@ -58,7 +58,7 @@ fn at_most(events: u64, trials: u64, rate: f64) -> f64 {
 
 #[test]
 fn without_events_the_bound_has_a_closed_form() {
-    // ln Γ(n + 1) − ln Γ(n) and ln(1 − x) lose digits with n; measured 2.6e-7 at the largest.
+    // ln Γ(n + 1) − ln Γ(n) and ln(1 − x) lose digits with n. Largest measured: 2.6e-7.
     let worst = Worst::new("1 - 0.05^(1/n)", "upper bound of no events, relative", 1e-6);
     for trials in [1, 2, 10, 1000, 100_000, 3_600_000, 10_000_000, 1_000_000_000] {
         let exact = -(0.05_f64.ln() / trials as f64).exp_m1();
@@ -77,7 +77,7 @@ fn at_the_bound_so_few_events_are_as_rare_as_stated() {
     }
 }
 
-/// So many events that the continued fraction takes long: the same sum downwards from its largest term.
+/// For so many events that the continued fraction converges slowly, the sum runs downwards from its largest term.
 #[test]
 fn many_events_have_their_bound_too() {
     // ln n! ≈ 2e10 for the most trials has an error of 4e-6.
@@ -100,7 +100,7 @@ fn many_events_have_their_bound_too() {
     }
 }
 
-/// Whatever the true rate: the share of experiments whose bound is below it is at most 5 %.
+/// Whatever the true rate, the share of experiments with a bound below it is at most 5 %.
 #[test]
 fn the_bound_covers_every_rate() {
     let mut most = 0.0_f64;
@@ -136,8 +136,8 @@ fn white_noise_is_called_dependent_as_often_as_the_level_says() {
     let rejected = (0..runs)
         .filter(|&seed| !ljung_box(&Draws::new(seed).autoregressive(0.0, 400), 10).expect("tested").independent)
         .count() as u64;
-    // Of a share of 1 % the count is in here with probability 1 - 2e-4; χ² is the limit for long series only,
-    // so the upper end is that of 1.5 %.
+    // For a share of 1 % the count is in this range with probability 1 - 2e-4. The upper end is that of 1.5 %, as χ² is
+    // the limit for long series only.
     let low = Binomial::new(0.01, runs).expect("a share").inverse_cdf(1e-4);
     let high = Binomial::new(0.015, runs).expect("a share").inverse_cdf(1.0 - 1e-4);
     println!("RESIDUAL | level 0.01 | white noise called dependent, of {runs} | {low}..{high} | {rejected}");
@@ -168,11 +168,11 @@ fn what_cannot_be_tested_says_why() {
 
 const TIMES: Gev = Gev { location: 200_000.0, scale: 10_000.0, shape: 0.0 };
 
-/// The mean of the estimates over 200 samples of 1000: what is left is the estimator's bias, and its spread / √200.
+/// The mean of the estimates over 200 samples of 1000 keeps the estimator's bias, and its spread / √200.
 #[test]
 fn a_fit_finds_what_samples_were_drawn_from() {
     // The shape of one fit has the standard error √(0.56 / 1000) = 0.024 at 0 (Hosking et al., 1985); location and
-    // scale have about 0.035 and more. Of the mean 0.0025; times 4.
+    // scale have about 0.035 and more. That of the mean is 0.0025; the tolerance is four times that.
     let tolerance = 0.01;
     let location = Worst::new("known GEV", "mean fitted location, in scales", tolerance);
     let scale = Worst::new("known GEV", "mean fitted scale, relative", tolerance);
@@ -210,15 +210,16 @@ fn rounded(maxima: &[f64]) -> Vec<u64> {
     maxima.iter().map(|ns| ns.max(0.0) as u64).collect()
 }
 
-/// What is drawn from a known distribution is extrapolated, to levels near the true ones; three tests at 5 % refuse
-/// up to 15 % of it.
+/// Samples of a known distribution are extrapolated, to levels near the true ones; three tests at 5 % refuse
+/// up to 15 % of them.
 #[test]
 fn extremes_are_extrapolated() {
     let runs = 60;
     let mut kept = 0;
     let mut covered = 0;
     // A shape off by its standard error, √(0.56 / 500) = 0.034 (Hosking et al., 1985), moves the level 13.8 scales
-    // above the location by 0.034 · 13.8² / 2 = 3.2 scales, a tenth of it; upwards it moves more. Four of these.
+    // above the location by 0.034 · 13.8² / 2 = 3.2 scales, a tenth of it; upwards it moves more. The tolerance is four
+    // such errors.
     let error = Worst::new("known GEV", "level of one in 1e7 and 1e9 ticks, relative", 0.4);
     // The second order is half of 1 / ticks.
     let formula = Worst::new("-ln F = 1000 / ticks", "level of the fitted distribution, relative", 1e-7);
@@ -232,7 +233,7 @@ fn extremes_are_extrapolated() {
         assert_eq!(passed, [true; 3]);
         assert_eq!(levels.iter().map(|level| level.ticks).collect::<Vec<_>>(), HORIZONS_TICKS);
         for level in &levels {
-            // One exceedance in so many ticks: of the maximum of 1000 with 1000 / ticks, to first order.
+            // One exceedance in `ticks` ticks: for the maximum of 1000 ticks, 1000 / ticks to first order.
             let exponent = 1000.0 / level.ticks as f64;
             let exact = TIMES.quantile(exponent);
             formula.check((level.response_ns / fitted.quantile(exponent) - 1.0).abs());
@@ -268,7 +269,7 @@ fn what_is_not_extreme_and_independent_is_refused() {
         let mut draws = Draws::new(seed);
         let memory: Vec<f64> = draws.autoregressive(0.5, 500).iter().map(|x| 2e5 + 1e4 * x).collect();
         let (reasons, tests) = refused(&rounded(&memory), 1000);
-        assert!(reasons.contains("depend on those before"), "seed {seed}: {reasons}");
+        assert!(reasons.contains("depend on earlier ones"), "seed {seed}: {reasons}");
         assert!(tests.independence.is_some_and(|test| !test.passed));
 
         let drift: Vec<f64> = (0..).zip(draws.extremes(TIMES, 500)).map(|(i, x)| x + 40.0 * f64::from(i)).collect();
@@ -301,7 +302,7 @@ fn degenerate_maxima_are_refused() {
     assert!(json.starts_with(r#"{"outcome":"refused","reasons":["0 blocks"#), "{json}");
 }
 
-/// Deadline 1000, usually 400 of wall and 390 of CPU time.
+/// Usual tick: deadline 1000 ns, 400 ns of wall time and 390 ns of CPU time.
 const USUAL: Missed = Missed {
     deadline_ns: 1000,
     release_ns: 50,
@@ -323,32 +324,32 @@ fn every_rule_has_its_label() {
     let released_late = Missed { release_ns: 800, response_ns: 1200, ..USUAL };
     let off = Missed { response_ns: 1150, compute_ns: 1100, involuntary_switches: 1, ..USUAL };
     let faulted = Missed { page_faults: 2, ..off };
-    // Of an excess of 700, 300 off the CPU is the most that any clock has seen.
+    // The excess is 700, of which no clock has seen more than the 300 off the CPU.
     let unexplained = Missed { response_ns: 1700, compute_ns: 700, ..USUAL };
     let stolen = |miss: Missed| Missed { steal: true, ..miss };
     for (miss, cause) in [
-        (USUAL, Cause::Unknown),
-        (Missed { response_ns: 1000, ..released_late }, Cause::Unknown),
-        (busy, Cause::Compute),
-        (stolen(busy), Cause::StealSuspected),
-        (Missed { release_ns: 2000, response_ns: 3100, ..busy }, Cause::Compute),
-        (partly_busy, Cause::Compute),
-        (stolen(partly_busy), Cause::StealSuspected),
-        (released_late, Cause::Release),
-        (stolen(released_late), Cause::StealSuspected),
-        (off, Cause::Preempted),
-        (stolen(off), Cause::StealSuspected),
-        (Missed { involuntary_switches: 0, ..off }, Cause::Unknown),
-        (stolen(Missed { involuntary_switches: 0, ..off }), Cause::StealSuspected),
-        (faulted, Cause::Fault),
-        (stolen(faulted), Cause::Fault),
-        (unexplained, Cause::Unknown),
-        (stolen(unexplained), Cause::Unknown),
-        // Half of the excess is enough: 300 of 600, with what is usually off the CPU taken away.
-        (Missed { compute_ns: 700, involuntary_switches: 1, response_ns: 1600, ..USUAL }, Cause::Preempted),
-        (Missed { compute_ns: 699, involuntary_switches: 1, response_ns: 1600, ..USUAL }, Cause::Unknown),
+        (USUAL, MissCause::Unknown),
+        (Missed { response_ns: 1000, ..released_late }, MissCause::Unknown),
+        (busy, MissCause::Compute),
+        (stolen(busy), MissCause::StealSuspected),
+        (Missed { release_ns: 2000, response_ns: 3100, ..busy }, MissCause::Compute),
+        (partly_busy, MissCause::Compute),
+        (stolen(partly_busy), MissCause::StealSuspected),
+        (released_late, MissCause::Release),
+        (stolen(released_late), MissCause::StealSuspected),
+        (off, MissCause::Preempted),
+        (stolen(off), MissCause::StealSuspected),
+        (Missed { involuntary_switches: 0, ..off }, MissCause::Unknown),
+        (stolen(Missed { involuntary_switches: 0, ..off }), MissCause::StealSuspected),
+        (faulted, MissCause::Fault),
+        (stolen(faulted), MissCause::Fault),
+        (unexplained, MissCause::Unknown),
+        (stolen(unexplained), MissCause::Unknown),
+        // Half of the excess is enough: 300 of 600, less the usual time off the CPU.
+        (Missed { compute_ns: 700, involuntary_switches: 1, response_ns: 1600, ..USUAL }, MissCause::Preempted),
+        (Missed { compute_ns: 699, involuntary_switches: 1, response_ns: 1600, ..USUAL }, MissCause::Unknown),
     ] {
-        assert_eq!(Cause::of(&miss), cause, "{miss:?}");
+        assert_eq!(MissCause::of(&miss), cause, "{miss:?}");
     }
 }
 
@@ -358,10 +359,10 @@ fn a_miss_that_follows_another_has_its_cause() {
     let late = Missed { release_ns: 800, response_ns: 1200, ..USUAL };
     let after = Missed { follows: true, ..late };
     assert_eq!(
-        Cause::of_all(&[after, first, after, after, late]),
-        [Cause::Release, Cause::Compute, Cause::Compute, Cause::Compute, Cause::Release]
+        MissCause::of_all(&[after, first, after, after, late]),
+        [MissCause::Release, MissCause::Compute, MissCause::Compute, MissCause::Compute, MissCause::Release]
     );
-    assert_eq!(serde_json::to_string(&Cause::StealSuspected).expect("a name"), r#""steal-suspected""#);
+    assert_eq!(serde_json::to_string(&MissCause::StealSuspected).expect("a name"), r#""steal-suspected""#);
 }
 
 fn any_time() -> impl Strategy<Value = u64> {
@@ -385,14 +386,16 @@ fn every_miss_has_one_label_whatever_its_numbers() {
         steal,
     });
     let result = runner(2000).run(&proptest::collection::vec(miss, 0..20), |misses| {
-        let causes = Cause::of_all(&misses);
+        let causes = MissCause::of_all(&misses);
         prop_assert_eq!(causes.len(), misses.len());
         for (i, (miss, cause)) in misses.iter().zip(&causes).enumerate() {
-            let expected = if miss.follows && i > 0 { causes[i - 1] } else { Cause::of(miss) };
+            let expected = if miss.follows && i > 0 { causes[i - 1] } else { MissCause::of(miss) };
             prop_assert_eq!(*cause, expected);
-            let lone = Cause::of(miss);
-            prop_assert!(miss.steal || lone != Cause::StealSuspected);
-            prop_assert!(!miss.steal || matches!(lone, Cause::StealSuspected | Cause::Fault | Cause::Unknown));
+            let lone = MissCause::of(miss);
+            prop_assert!(miss.steal || lone != MissCause::StealSuspected);
+            prop_assert!(
+                !miss.steal || matches!(lone, MissCause::StealSuspected | MissCause::Fault | MissCause::Unknown)
+            );
         }
         Ok(())
     });

@@ -1,4 +1,4 @@
-//! Residuals against tolerances, random cases that can be repeated, and small scenes.
+//! Residuals with tolerances, repeatable random cases, and small scenes.
 
 use std::cell::Cell;
 
@@ -8,8 +8,8 @@ use stickslip::output::measures::is_tunnelling;
 use stickslip::pipeline::{self, RunError};
 use stickslip::scene::Scene;
 
-/// The largest residual of one quantity. Dropping it prints a row of the cross-check table, and fails if nothing was
-/// ever compared.
+/// Largest residual of one quantity. On drop it prints a row of the cross-check table, and fails if nothing was
+/// compared.
 pub struct Worst {
     reference: &'static str,
     quantity: &'static str,
@@ -23,7 +23,7 @@ impl Worst {
         Self { reference, quantity, tolerance, largest: Cell::new(0.0), comparisons: Cell::new(0) }
     }
 
-    /// Fails unless the residual is within the tolerance; NaN is not.
+    /// Fails unless the residual is within the tolerance; NaN never is.
     #[track_caller]
     pub fn check(&self, residual: f64) {
         if let Err(message) = self.compare(residual) {
@@ -31,7 +31,7 @@ impl Worst {
         }
     }
 
-    /// The same inside a random case, so that it can be shrunk.
+    /// Fails the random case, so that it is shrunk, unless the residual is within the tolerance.
     pub fn case(&self, residual: f64) -> Result<(), TestCaseError> {
         self.compare(residual).map_err(TestCaseError::fail)
     }
@@ -65,15 +65,15 @@ impl Drop for Worst {
 #[test]
 fn a_residual_that_is_none_does_not_pass() {
     let worst = || Worst::new("itself", "made to fail", 1.0);
-    // It never drops, and so is no row of the table.
+    // This one is never dropped, and so adds no row to the table.
     let undropped = std::mem::ManuallyDrop::new(worst());
     assert!(undropped.case(f64::NAN).is_err() && undropped.case(1.1).is_err() && undropped.case(1.0).is_ok());
     let never = std::panic::catch_unwind(|| drop(worst())).expect_err("nothing was compared");
     assert!(never.downcast_ref::<String>().is_some_and(|message| message.contains("nothing was compared")));
 }
 
-/// Random cases from a fixed seed, so that a failure repeats; PROPTEST_RNG_SEED and PROPTEST_CASES
-/// explore others.
+/// Settings of random cases with a fixed seed, so that a failure repeats; PROPTEST_RNG_SEED and PROPTEST_CASES
+/// select others.
 pub fn runner(cases: u32) -> TestRunner {
     let mut config = Config { failure_persistence: None, ..Config::default() };
     if std::env::var_os("PROPTEST_CASES").is_none() {
@@ -98,7 +98,7 @@ pub struct Run {
     pub fault: Option<stickslip::multirate::failsafe::Fault>,
 }
 
-/// Runs a scene and keeps what checks need.
+/// Runs a scene and records force and mode of every tick.
 pub fn run(scene: &Scene) -> Run {
     let mut run = Run {
         force: vec![],
@@ -124,7 +124,7 @@ pub fn run(scene: &Scene) -> Run {
     match end {
         Ok(()) => {}
         Err(RunError::Fault(fault)) => run.fault = Some(fault),
-        Err(RunError::Scene(error)) => panic!("{error}"),
+        Err(error) => panic!("{error}"),
     }
     run
 }
@@ -133,12 +133,12 @@ pub fn shipped(name: &str) -> Scene {
     Scene::shipped(name).expect("a shipped scene")
 }
 
-/// A scene from text; the test's own, so an error in it is a defect of the test.
+/// Parses the test's own scene; an error in it is a defect of the test.
 pub fn scene(text: &str) -> Scene {
     Scene::parse(text, "test.toml".as_ref()).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// A small block pressed and dragged; `extra` may replace tables by giving them whole.
+/// Builds the scene of a small block, pressed and dragged; `extra` may replace whole tables.
 pub fn small_scene(contact: &str, local: &str, waypoints: &str) -> Scene {
     scene(&format!(
         r#"
@@ -161,7 +161,7 @@ pub fn small_scene(contact: &str, local: &str, waypoints: &str) -> Scene {
     ))
 }
 
-/// Down by 2 mm, then along x.
+/// Path down by 2 mm, then along x.
 pub const PRESS_AND_DRAG: &str =
     "[[0.0, -0.012, 0.0013, 0.001], [0.1, -0.012, 0.0013, -0.002], [0.4, 0.012, 0.0013, -0.002]]";
 

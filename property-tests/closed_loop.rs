@@ -1,4 +1,4 @@
-//! The modelled device in the loop: every scene in fixtures/closed-loop, and what is between contact and device.
+//! The modelled device in the loop: every scene in fixtures/closed-loop, and the stages between contact and device.
 
 use std::path::{Path, PathBuf};
 
@@ -13,11 +13,12 @@ use stickslip::device::phantom::{Axes, Phantom, PhantomSettings};
 use stickslip::multirate::timeline::{Cost, Costs, OverrunPolicy};
 use stickslip::pipeline::Simulation;
 use stickslip::scene::{Problem, Scene};
-use stickslip::verify::residual::{self, larger};
+use stickslip::verify::residual;
+use stickslip::verify::residual::larger;
 
 use crate::check::Worst;
 
-/// The device's published maximum, N.
+/// Maximum force of the device as published, N.
 const LARGEST_FORCE: f64 = 8.5;
 
 fn folder() -> PathBuf {
@@ -77,7 +78,7 @@ fn every_closed_loop_scene_completes_and_again_bit_for_bit() {
     let mut saturated = Vec::new();
     for name in &names {
         let ticks = run(&scene(name));
-        // All numbers are finite, so that equal ones are the same bits but for the sign of 0.
+        // All numbers are finite, so that equal numbers have equal bits, but for the sign of 0.
         for (at, tick) in ticks.iter().enumerate() {
             let device = tick.device();
             let numbers = [tick.force.norm(), tick.tip.norm(), device.tip.norm(), device.energy_to_hand_j];
@@ -93,8 +94,8 @@ fn every_closed_loop_scene_completes_and_again_bit_for_bit() {
     assert_eq!(saturated, ["hard-wall"]);
 }
 
-/// Motors may have given the hand this much at most: E + V(θ) − V(θ₀) = W_motors − friction − kinetic energy, where V is
-/// the potential of the links' weight, which the motors do not carry.
+/// Upper bound of the energy from the motors to the hand: E + V(θ) − V(θ₀) = W_motors − friction − kinetic energy,
+/// where V is the potential of the links' weight, which the motors do not carry.
 fn given_by_motors(scene: &Scene, ticks: &[Tick]) -> f64 {
     let axes = Axes::default();
     let joints = JointSettings::default();
@@ -109,7 +110,7 @@ fn given_by_motors(scene: &Scene, ticks: &[Tick]) -> f64 {
 
 #[test]
 fn soft_contact_gives_the_hand_nothing() {
-    // Six orders of magnitude below what the drags take: rounding, RK4 and the inverse of the pose.
+    // Six orders of magnitude below the work of the drags: rounding, RK4 and the inverse of the pose.
     let worst = Worst::new("energy", "closed loop, soft contact: energy given to the hand, J", 1e-10);
     for name in ["sliding-by-hand", "sticking-by-hand", "stick-slip-by-hand", "tap", "smoothing", "virtual-wall"] {
         let scene = scene(name);
@@ -119,7 +120,7 @@ fn soft_contact_gives_the_hand_nothing() {
     }
 }
 
-/// Once the tip has met the surface and settled.
+/// Contact is never lost once the tip has met the surface and settled.
 #[test]
 fn drags_by_hand_keep_contact() {
     for name in ["sliding-by-hand", "sticking-by-hand", "stick-slip-by-hand"] {
@@ -141,7 +142,7 @@ fn a_hard_wall_gives_energy_and_a_soft_one_does_not() {
     assert!(bounces(&hard) > 20 && bounces(&soft) == 1, "{} and {} changes", bounces(&hard), bounces(&soft));
 }
 
-/// Forces that come out two and a half ticks late make a wall of 2 N/mm active.
+/// A wall of 2 N/mm is active if its forces come two and a half ticks late.
 fn late_wall(is_controlled: bool) -> Scene {
     let mut scene = scene("hard-wall");
     scene.contact.wall.stiffness = 2000.0;
@@ -166,7 +167,7 @@ fn passivity_control_takes_what_it_counts() {
     );
     assert!(uncontrolled > 0.1 && left < 0.6 * uncontrolled, "{left} J of {uncontrolled} J");
     assert!(with.iter().any(|tick| tick.device().is_damped));
-    // A wall that answers at once gives energy by what motors hold over the next tick.
+    // A wall without delay emits the energy of a force that motors hold over the next tick.
     let [without, with] = [false, true].map(|is_controlled| run(&controlled(scene("hard-wall"), is_controlled)));
     let [uncontrolled, left] = [&without, &with].map(|ticks| last_energy(ticks));
     println!(
@@ -174,7 +175,7 @@ fn passivity_control_takes_what_it_counts() {
         left / uncontrolled
     );
     assert!(uncontrolled > 1e-2 && left < 0.2 * uncontrolled, "{left} J of {uncontrolled} J");
-    // A coupling that runs in ticks does.
+    // A coupling that runs in ticks emits energy too.
     let [without, with] =
         [false, true].map(|is_controlled| run(&controlled(scene("passivity-control"), is_controlled)));
     assert!(last_energy(&with) < last_energy(&without) - 1e-4, "{} J", last_energy(&with));
@@ -198,7 +199,7 @@ fn smoothing_divides_the_jump_at_a_hand_over() {
         let jump = (smoothed[tick].force - before).norm();
         worst.check((jump - (smoothed[tick].contact_force - before).norm() / (n + 1.0)).abs());
     }
-    // A fade is over after n ticks.
+    // A fade ends after n ticks.
     let since = |tick: usize| tick - ticks.iter().copied().rfind(|&first| first <= tick).unwrap_or(0);
     for (tick, done) in smoothed.iter().enumerate().filter(|&(tick, _)| since(tick) >= smooth.smoothing_ticks as usize)
     {
@@ -247,7 +248,7 @@ fn missed_deadlines_move_the_device_each_policy_its_way() {
 fn what_cannot_start_or_has_no_effect_is_refused() {
     let text = scene("virtual-wall").text().expect("it was read").to_owned();
     let parse = |text: &str| Scene::parse(text, "wall.toml".as_ref());
-    // The path is where the hand aims at: that the tip starts there is the device's doing.
+    // The path is the hand's aim: the device makes the tip start there.
     let inside = parse(&text.replace("[0.0, 0.001, 0.0013, 0.003]", "[0.0, 0.001, 0.0013, -0.003]")).expect("a scene");
     let error = Simulation::prepare(&inside).expect_err("the tip is inside");
     assert!(matches!(error.problem(), Problem::TipInside { depth_m } if *depth_m > 2.9e-3), "{error}");
@@ -265,7 +266,7 @@ fn wall_bounds_at_home_are_those_of_the_joints() {
     let path = TipPath::new(vec![Waypoint { time: 0.0, position: Vec3::zeros() }]).expect("a path");
     let phantom = Phantom::new(PhantomSettings::default(), &path, 1e-3).expect("at home");
     let worst = Worst::new("Colgate, Schenkel; Abbott, Okamura", "bounds of a virtual wall at home, relative", 2e-15);
-    // At home J is diagonal. Scene x, z, −y are the device's x, y, z.
+    // At home J is diagonal. The scene's x, z, −y are the device's x, y, z.
     let levers = [UPPER_LINK, UPPER_LINK, FORE_LINK];
     let (friction, ratio) = ([0.0086, 0.0086, 0.0068], [13.3, 11.2, 11.2]);
     for (joint, normal) in [Vec3::x(), Vec3::z(), -Vec3::y()].into_iter().enumerate() {

@@ -1,11 +1,11 @@
-//! `stickslip accuracy` from outside.
+//! `stickslip accuracy` as a command: its files and its exit codes.
 
 use std::fs;
 use std::path::Path;
 
 use super::{Folder, stderr, stickslip};
 
-/// Small enough to compare a hundred methods over.
+/// Small scene, for a comparison of a hundred methods.
 const TINY: &str = r#"
 name = "tiny"
 duration = 0.2
@@ -31,7 +31,7 @@ fn accuracy(scene: &Path, out: &Path, budget_us: &str) -> (Option<i32>, serde_js
     (output.status.code(), serde_json::from_str(&json).expect("JSON"), stdout)
 }
 
-/// Without what depends on the clock and on the budget, but for whether a method diverged.
+/// Removes the values that depend on the clock and the budget, except whether a method diverged.
 fn timeless(mut json: serde_json::Value) -> serde_json::Value {
     json.as_object_mut().expect("an object").retain(|key, _| key != "best" && key != "budget");
     for list in ["points", "references"] {
@@ -87,20 +87,20 @@ fn accuracy_compares_methods_and_repeats_but_for_the_clock_and_the_budget() {
     assert_eq!(json["references"].as_array().expect("references").len(), 2);
     let best = json["best"]["point"].as_u64().expect("an index") as usize;
     assert_eq!(json["best"]["name"], points[best]["name"]);
-    assert!(stdout.contains("Best within") && stdout.contains("paper"), "{stdout}");
+    assert!(stdout.contains("Most accurate local model within") && stdout.contains("paper"), "{stdout}");
 
     let page = fs::read_to_string(folder.path("a").join("index.html")).expect("a page");
     assert_eq!(page.matches("<svg").count(), 6);
     for outside in ["src=", "href=", "@import", "url("] {
         assert!(!page.contains(outside), "{outside}");
     }
-    // Every method is in it.
+    // Every method is listed.
     assert_eq!(page.matches(" Hz</td>").count(), points.len());
 
-    // Again, with a budget that nothing meets.
+    // The second run has a budget that no method meets.
     let (code, again, stdout) = accuracy(&scene, &folder.path("b"), "1e-3");
     assert_eq!(code, Some(1), "{stdout}");
-    assert!(again["best"].is_null() && stdout.contains("No method is within 0.001 µs"), "{stdout}");
+    assert!(again["best"].is_null() && stdout.contains("No local model is within 0.001 µs"), "{stdout}");
     let points = again["points"].as_array().expect("points");
     assert!(points.iter().all(|point| point["status"] == "overrun" || point["status"] == "diverged"));
     assert_eq!(timeless(json), timeless(again));

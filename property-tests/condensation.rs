@@ -1,4 +1,4 @@
-//! The condensed exterior against dense algebra that shares no code with it, and against the network
+//! The condensed exterior compared with independent dense algebra, and with the network
 //! in equilibrium.
 
 use std::sync::Arc;
@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 use stickslip::Vec3;
 use stickslip::device::path::{TipPath, Waypoint};
-use stickslip::local::condensation::{Condensation, Condensed, Condenser, FarField, Outcome, Reach};
+use stickslip::local::condensation::{Condensation, CondensationOutcome, Condensed, Condenser, FarField, Reach};
 use stickslip::local::model::{ExteriorKind, Linearization, LocalModelBuilder, LocalSettings};
 use stickslip::local::patch::{Extent, Patch, PatchSelector};
 use stickslip::model::mesh::{Block, Mesh, Stencil};
@@ -21,19 +21,19 @@ use stickslip::verify::residual::largest;
 
 use crate::check::{PRESS_AND_DRAG, Worst, relative_rms, run, runner, shipped, small_scene};
 
-/// C against dense LU: round-off, and ten times what is measured for other vector instructions. Measured: 2e-15.
+/// Tolerance of C against dense LU: round-off, with a factor of ten for other vector instructions. Measured: 2e-15.
 const SAME_MATRIX: f64 = 2e-14;
-/// The inverse of K + C against a part of the inverse of the whole: two such conditions.
+/// Tolerance of the inverse of K + C against a part of the inverse of the whole: the condition of both.
 /// Measured: 2e-15.
 const SAME_COMPLIANCE: f64 = 2e-14;
-/// The lowest eigenvalue of a matrix that is semidefinite, relative to k: round-off.
+/// Tolerance of the lowest eigenvalue of a semidefinite matrix, relative to k: round-off.
 /// Measured: 5e-16.
 const SEMIDEFINITE: f64 = 5e-15;
 
 const ALL_EXACT: Condensation = Condensation { tangent: TangentKind::Exact, reach: Reach::All };
 const ALL_STABILISED: Condensation = Condensation { tangent: TangentKind::Stabilised, reach: Reach::All };
 
-/// A network with a patch of one ring, and a state.
+/// Network with a patch of one ring, and a state.
 struct Case {
     network: Network,
     surface: Arc<Surface>,
@@ -42,7 +42,7 @@ struct Case {
 }
 
 impl Case {
-    /// A block of unequal springs around a point; every node is off its rest place by up to `noise`, m.
+    /// Builds a block of unequal springs around a point; every node is displaced from rest by up to `noise`, m.
     fn new(nodes: [usize; 3], stencil: Stencil, noise: f64, touch: Vec3, rings: u32, seed: f64) -> Self {
         let block = Block { nodes, spacing: 0.0125, stencil };
         let fixed = (0..nodes.iter().product()).map(|node| block.is_bottom(node)).collect();
@@ -73,7 +73,7 @@ impl Case {
         Condenser::new(&self.network, settings).condense(&self.network, &self.patch, &self.x)
     }
 
-    /// −K over some nodes, spring by spring: the others stay where they are.
+    /// Returns −K over some nodes, spring by spring, with all other nodes fixed.
     fn stiffness(&self, nodes: &[u32], kind: TangentKind) -> DMatrix<f64> {
         let at = |node: u32| nodes.iter().position(|&other| other == node);
         let mut stiffness = DMatrix::zeros(3 * nodes.len(), 3 * nodes.len());
@@ -95,7 +95,7 @@ impl Case {
         free.filter(|node| !self.patch.nodes.contains(node)).collect()
     }
 
-    /// C = A_LE A_EE⁻¹ A_EL with A = −K, densely, for an exterior of these nodes.
+    /// Returns C = A_LE A_EE⁻¹ A_EL with A = −K, densely, for an exterior of these nodes.
     fn dense(&self, exterior: &[u32], kind: TangentKind) -> DMatrix<f64> {
         let nodes: Vec<u32> = self.patch.nodes.iter().chain(exterior).copied().collect();
         let all = self.stiffness(&nodes, kind);
@@ -105,8 +105,8 @@ impl Case {
         between.transpose() * follows
     }
 
-    /// The nodes within so many rings of the patch's centre by their definition: a pass over all springs for
-    /// each.
+    /// Returns the nodes within `rings` rings of the patch's centre by definition: one pass over all springs for
+    /// each ring.
     fn reached(&self, rings: u32) -> Vec<bool> {
         let mut reached = vec![false; self.network.node_count()];
         reached[self.patch.centre.expect("a free node") as usize] = true;
@@ -142,12 +142,12 @@ fn c_is_the_dense_schur_complement() {
         let stencil = if full { Stencil::Full } else { Stencil::Shear };
         let case = Case::new([nx, ny, nz], stencil, noise, Vec3::new(0.02, -0.004, 0.0), rings, seed);
         let condensed = case.condense(ALL_STABILISED);
-        prop_assert_eq!(condensed.outcome, Outcome::AsAsked);
+        prop_assert_eq!(condensed.outcome, CondensationOutcome::AsAsked);
         let c = stiffness(condensed);
         prop_assert_eq!(&c, &c.transpose());
         worst.case(distance(&c, &case.dense(&case.exterior(), TangentKind::Stabilised)))?;
         let condensed = case.condense(ALL_EXACT);
-        if condensed.outcome == Outcome::AsAsked {
+        if condensed.outcome == CondensationOutcome::AsAsked {
             worst.case(distance(&stiffness(condensed), &case.dense(&case.exterior(), TangentKind::Exact)))?;
         }
         Ok(())
@@ -155,8 +155,8 @@ fn c_is_the_dense_schur_complement() {
     result.unwrap();
 }
 
-/// K_LL + C is the Schur complement of the whole: the inverse of the patch's part of the inverse. So a
-/// force on the patch moves it, in equilibrium, as it moves it in the whole linear network.
+/// K_LL + C is the Schur complement of the whole, the inverse of the patch's part of the inverse. A
+/// force on the patch therefore moves it, in equilibrium, as in the whole linear network.
 #[test]
 fn a_force_on_the_patch_moves_it_as_in_the_whole_network() {
     let worst = Worst::new("whole linear network", "static compliance of a condensed patch, relative", SAME_COMPLIANCE);
@@ -169,7 +169,7 @@ fn a_force_on_the_patch_moves_it_as_in_the_whole_network() {
         let c = stiffness(case.condense(ALL_EXACT));
         let local = (case.own(TangentKind::Exact) - &c).try_inverse().expect("the patch is held");
         worst.check(distance(&local, &whole.view((0, 0), (m, m)).into_owned()));
-        // It follows, and does not push: the patch is softer than with a fixed exterior.
+        // The condensed exterior yields and does not push: the patch is softer than with a fixed exterior.
         let fixed = case.own(TangentKind::Exact).try_inverse().expect("the patch is held");
         assert!((0..m).all(|i| local[(i, i)] >= fixed[(i, i)]));
     }
@@ -188,7 +188,7 @@ fn the_stabilised_model_is_never_unstable() {
     result.unwrap();
 }
 
-/// What the haptic loop computes: a tangent model has K + C, one of springs adds C(x − x₀).
+/// In the haptic loop a tangent model has K + C, and one of springs adds C(x − x₀).
 #[test]
 fn the_local_model_feels_the_exterior_follow() {
     let worst = Worst::new("C times the displacement", "forces that a condensed exterior adds, relative", 2e-14);
@@ -226,13 +226,13 @@ fn rings_condense_what_they_reach() {
     let reached = case.reached(3);
     let near: Vec<u32> = case.exterior().into_iter().filter(|&node| reached[node as usize]).collect();
     worst.check(distance(&rings(3), &case.dense(&near, TangentKind::Exact)));
-    // Enough rings are all of it, and fewer follow less.
+    // Enough rings are the whole exterior, and fewer yield less.
     assert_eq!(rings(1000), of(Reach::All));
     let traces = [2, 3, 4, 1000].map(|count| rings(count).trace());
     assert!(traces.is_sorted_by(|a, b| a < b), "{traces:?}");
 }
 
-/// Errors of the compliance of the middle of the patch against the full condensation, tangential and
+/// Relative errors of the compliance at the patch's centre, compared with full condensation, tangential and
 /// normal: (fixed, coarse).
 fn far_field_errors(case: &Case, rings: u32) -> [[f64; 2]; 2] {
     let own = case.own(TangentKind::Exact);
@@ -251,7 +251,7 @@ fn far_field_errors(case: &Case, rings: u32) -> [[f64; 2]; 2] {
 
 #[test]
 fn a_coarse_far_field_keeps_the_compliance() {
-    // What a coarse grid of four springs is worth. Measured: 1.3 % tangential and 0.4 % normal at four
+    // Effect of a coarse grid of four springs. Measured: 1.3 % tangential and 0.4 % normal at four
     // rings; with a fixed far field 13 % and 3 %.
     const COMPLIANCE: f64 = 0.03;
     let worst = Worst::new("full condensation", "point compliance with a coarse far field, relative", COMPLIANCE);
@@ -262,11 +262,11 @@ fn a_coarse_far_field_keeps_the_compliance() {
     assert!(fixed[0] > 3.0 * coarse[0], "it would not be worth having: {fixed:?}, {coarse:?}");
 }
 
-/// Densely: displacements of the far nodes are hat functions of the vertices' on a lattice of four times
+/// Dense coarse field: displacements of the far nodes are hat functions of the vertices' on a lattice of four times
 /// the spacing.
 #[test]
 fn a_coarse_far_field_is_a_galerkin_projection() {
-    // The ground under the vertices, 1e-8 of k, against a softest mode of the order 1e-2 k.
+    // The ground under the vertices has 1e-8 of k, compared with a softest mode of the order 1e-2 k.
     // Measured: 1.4e-9.
     let worst = Worst::new("nalgebra, dense LU", "C with a coarse far field, relative", 1e-8);
     let case = Case::new([9, 9, 5], Stencil::Shear, 4e-4, Vec3::zeros(), 1, 1.1);
@@ -305,7 +305,7 @@ fn a_coarse_far_field_is_a_galerkin_projection() {
     worst.check(distance(&stiffness(condensed), &expected));
 }
 
-/// A mesh that is no block: the same block, sheared and bent, its nodes numbered at random.
+/// A mesh that is no block: a block sheared and bent, its nodes numbered at random.
 #[test]
 fn a_coarse_far_field_needs_no_block() {
     // Interpolation follows the mesh's rest shape, so a bent one is no worse, here at three rings.
@@ -332,7 +332,7 @@ fn a_coarse_far_field_needs_no_block() {
     coarse.iter().for_each(|&error| worst.check(error));
 }
 
-/// Pressed flat, the exterior buckles: the exact Jacobian is indefinite, and the model is built with
+/// A flattened exterior buckles: the exact Jacobian is indefinite, and the model is built with
 /// the stabilised one.
 #[test]
 fn a_compressed_exterior_falls_back_to_the_stabilised_tangent() {
@@ -345,12 +345,12 @@ fn a_compressed_exterior_falls_back_to_the_stabilised_tangent() {
 
     let mut condenser = Condenser::new(&case.network, ALL_EXACT);
     let condensed = condenser.condense(&case.network, &case.patch, &case.x);
-    assert_eq!((condensed.outcome, condensed.tangent), (Outcome::Stabilised, TangentKind::Stabilised));
+    assert_eq!((condensed.outcome, condensed.tangent), (CondensationOutcome::Stabilised, TangentKind::Stabilised));
     assert_eq!(condenser.counts().stabilised, 1);
     worst.check(distance(&stiffness(condensed), &case.dense(&exterior, TangentKind::Stabilised)));
 }
 
-/// An exterior that is sound while the patch alone is compressed: K + C is indefinite, which is
+/// If only the patch is compressed and the exterior is definite, K + C is indefinite, which is
 /// counted and not repaired.
 #[test]
 fn an_indefinite_patch_is_counted() {
@@ -364,10 +364,10 @@ fn an_indefinite_patch_is_counted() {
     let condensed = condenser.condense(&case.network, &case.patch, &case.x);
     let tangent = case.own(condensed.tangent) - condensed.stiffness.as_ref().expect("condensed");
     assert!(tangent.symmetric_eigenvalues().min() < -1.0);
-    assert_eq!((condensed.outcome, condenser.counts().indefinite), (Outcome::AsAsked, 1));
+    assert_eq!((condensed.outcome, condenser.counts().indefinite), (CondensationOutcome::AsAsked, 1));
 }
 
-/// Exterior that can move without a force: two nodes that hang on one spring each.
+/// The exterior can move without a force: two nodes hang on one spring each.
 #[test]
 fn an_exterior_without_hold_stays_fixed() {
     let block = Block { nodes: [3, 3, 3], spacing: 0.0125, stencil: Stencil::Shear };
@@ -376,23 +376,23 @@ fn an_exterior_without_hold_stays_fixed() {
     let fixed = |loose: usize| (0..count + loose).map(|node| node < count && block.is_bottom(node)).collect::<Vec<_>>();
     let below = mesh.nodes[26] + Vec3::new(0.0, 0.0, -0.005);
 
-    // Of one's own: it does not hang on the patch, and does no harm.
+    // A loose piece that is not connected with the patch does no harm.
     mesh.nodes.extend([below, below + Vec3::new(0.0, 0.001, 0.0)]);
     mesh.edges.push([count as u32, count as u32 + 1]);
     let apart = Case::of(mesh.clone(), fixed(2), 0.0, Vec3::zeros(), 1, 1.0);
     let condensed = apart.condense(ALL_EXACT);
-    assert_eq!((condensed.outcome, condensed.size.nodes), (Outcome::AsAsked, apart.exterior().len() - 2));
+    assert_eq!((condensed.outcome, condensed.size.nodes), (CondensationOutcome::AsAsked, apart.exterior().len() - 2));
 
-    // On the patch, by one spring: nothing holds it across.
+    // A piece connected with the patch by one spring has nothing that holds it laterally.
     mesh.edges.push([26, count as u32]);
     let hanging = Case::of(mesh, fixed(2), 0.0, Vec3::zeros(), 1, 1.0);
     let mut condenser = Condenser::new(&hanging.network, ALL_EXACT);
     let condensed = condenser.condense(&hanging.network, &hanging.patch, &hanging.x);
-    assert_eq!((condensed.outcome, condensed.stiffness), (Outcome::Held, None));
+    assert_eq!((condensed.outcome, condensed.stiffness), (CondensationOutcome::Held, None));
     assert_eq!(condenser.counts().held, 1);
 }
 
-/// A state that has run away builds a model all the same; the fail-safe then sees the state.
+/// A diverged state still builds a model; the fail-safe then sees the state.
 #[test]
 fn a_state_that_is_not_finite_does_not_stop_the_cycle() {
     for wrong in [f64::NAN, f64::INFINITY, 1e200] {
@@ -404,7 +404,7 @@ fn a_state_that_is_not_finite_does_not_stop_the_cycle() {
     }
 }
 
-/// A body that nothing holds: the exterior follows the patch, and moving both costs nothing.
+/// In a body that nothing holds the exterior follows the patch, and moving both takes no force.
 #[test]
 fn a_free_body_moves_as_a_whole() {
     let worst = Worst::new("rigid motion", "force of a condensed free body that is shifted, relative", 1e-14);
@@ -412,7 +412,7 @@ fn a_free_body_moves_as_a_whole() {
     let case = Case::of(block.mesh(), vec![false; 100], 0.0, Vec3::zeros(), 1, 1.4);
     let mut condenser = Condenser::new(&case.network, ALL_EXACT);
     let condensed = condenser.condense(&case.network, &case.patch, &case.x);
-    assert_eq!((condensed.outcome, condenser.counts().indefinite), (Outcome::AsAsked, 0));
+    assert_eq!((condensed.outcome, condenser.counts().indefinite), (CondensationOutcome::AsAsked, 0));
     let tangent = case.own(TangentKind::Exact) - stiffness(condensed);
     for axis in 0..3 {
         let shift = DVector::from_fn(3 * case.patch.len(), |i, _| f64::from(u8::from(i % 3 == axis)));
@@ -420,7 +420,7 @@ fn a_free_body_moves_as_a_whole() {
     }
 }
 
-/// The plan that is kept from cycle to cycle changes no bit, whatever patches came between.
+/// The plan that is kept from cycle to cycle changes no bit, whatever patches preceded.
 #[test]
 fn a_kept_plan_gives_what_a_fresh_one_gives() {
     for far_field in [FarField::Fixed, FarField::Coarse] {
@@ -440,7 +440,7 @@ fn a_kept_plan_gives_what_a_fresh_one_gives() {
     }
 }
 
-/// Whole runs: following comes closer to the full network than standing still, also with few rings
+/// In whole runs a condensed exterior is closer to the full network than a fixed one, also with few rings
 /// and a coarse far field, and repeats bit for bit.
 #[test]
 fn a_condensed_exterior_comes_closer_to_the_full_network() {
@@ -471,7 +471,7 @@ fn a_condensed_exterior_comes_closer_to_the_full_network() {
     }
 }
 
-/// A run in which models fall back says so: sticking, drawn on over 50 mm.
+/// A run in which models fall back reports it: sticking, drawn over 50 mm.
 #[test]
 fn falling_back_is_counted_in_a_run() {
     let scene = shipped("deep-sticking");
@@ -481,7 +481,7 @@ fn falling_back_is_counted_in_a_run() {
     let waypoints = far.map(|[time, x, y, z]| Waypoint { time, position: Vec3::new(x, y, z) });
     scene.path = TipPath::new(waypoints.to_vec()).expect("ascending times");
     let mut counts = None;
-    // That it may end in a fault is not the point.
+    // A fault at its end does not matter here.
     let _ = pipeline::run(&scene, |view| counts = view.condensation);
     let counts = counts.expect("the exterior is condensed");
     assert!(counts.stabilised > 0 && counts.indefinite > 0 && counts.models == 12, "{counts}");

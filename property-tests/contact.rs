@@ -1,4 +1,4 @@
-//! Contact: what the laws promise tick by tick, no tunnelling, edges, tension and release, rigid
+//! Contact: the laws tick by tick, no tunnelling, edges, tension and release, rigid
 //! ground.
 
 use proptest::prelude::*;
@@ -13,7 +13,7 @@ use stickslip::model::mesh::{Block, Stencil};
 use stickslip::model::network::{Material, Network};
 use stickslip::model::state::State;
 use stickslip::model::topology::Surface;
-use stickslip::multirate::failsafe::Cause;
+use stickslip::multirate::failsafe::FaultCause;
 use stickslip::pipeline;
 use stickslip::scene::{Expectation, SHIPPED, Scene};
 use stickslip::surface::geometry::{ContactPoint, ContactSurface, SurfaceModel};
@@ -24,7 +24,7 @@ use crate::check::{PRESS_AND_DRAG, Run, Worst, run, runner, scene, shipped, smal
 
 const LAWS: [&str; 3] = ["law = \"sliding\"", "law = \"sticking\"", "law = \"stick-slip\"\nfriction = 0.5"];
 
-/// The trace's F_T is formed from the force by subtraction: round-off relative to the force.
+/// Tolerance of the trace's F_T, which is formed from the force by subtraction: round-off relative to the force.
 const ROUND_OFF: f64 = 1e-14;
 
 fn full(scene: &Scene) -> Scene {
@@ -52,7 +52,7 @@ fn shipped_scenes_keep_their_laws_and_end_as_expected() {
     }
 }
 
-/// The paper's three figures in words.
+/// Properties of the paper's three figures.
 #[test]
 fn figures_look_like_the_papers() {
     let peak = |values: &[f64]| largest(values.iter().copied());
@@ -64,12 +64,12 @@ fn figures_look_like_the_papers() {
     let fig5 = run(&shipped("fig5-stick-slip"));
     let total = largest(fig5.force.iter().map(Vec3::norm));
     let stick = fig5.mode.iter().filter(|&&mode| mode == Mode::Stick).count() as f64 / fig5.mode.len() as f64;
-    // An independent trial: 2.4 N and 22 %, to the digits it was told with.
+    // An independent trial gave 2.4 N and 22 %, to the digits stated.
     assert!((total - 2.4).abs() <= 0.05, "{total} N");
     assert!((stick - 0.22).abs() <= 0.005, "{stick}");
 }
 
-/// Ticks after the press, in which the drag goes on.
+/// Ticks of the drag, after the press.
 fn drag(run: &Run) -> impl Iterator<Item = usize> {
     201..run.force.len()
 }
@@ -93,7 +93,7 @@ fn deep_drags_on_the_full_network_keep_contact_without_jumps() {
     }
 }
 
-/// A numpy trial of the same scenes gives the error of three local models against the full network
+/// A numpy trial of these scenes gave the errors of three local models against the full network
 /// to three digits.
 #[test]
 fn errors_of_local_models_are_those_of_an_independent_trial() {
@@ -141,7 +141,7 @@ fn every_combination_runs_without_tunnelling() {
     }
 }
 
-/// Lifting the tip pulls a stuck contact: no force, then release, and a new press is felt again.
+/// Lifting the tip pulls a stuck contact: the force is zero, then the contact is released, and a new press has a force.
 #[test]
 fn lifting_the_tip_ends_contact_without_pulling() {
     let path = "[[0.0, 0.0, 0.001, 0.001], [0.1, 0.0, 0.001, -0.002], [0.2, 0.0, 0.001, 0.002], [0.3, 0.0, 0.001, -0.002], [0.4, 0.0, 0.001, -0.002]]";
@@ -156,7 +156,7 @@ fn lifting_the_tip_ends_contact_without_pulling() {
     }
 }
 
-/// Everything but the middle of the top is fixed: beside it the ground is a wall.
+/// With everything but the middle of the top fixed, the ground beside it is a wall.
 #[test]
 fn fixed_ground_is_a_wall() {
     let k = 1000.0;
@@ -210,14 +210,14 @@ fn leaving_the_patch_is_rigid_until_the_next_model() {
 fn runaway_is_named_with_tick_and_node() {
     let run = run(&shipped("deep-stick-slip-faceted"));
     let fault = run.fault.expect("an extreme");
-    assert!(matches!(fault.cause, Cause::Runaway { .. }), "{fault}");
+    assert!(matches!(fault.cause, FaultCause::Runaway { .. }), "{fault}");
     assert_eq!(fault.tick as usize, run.force.len(), "the rows before it are kept");
     // An independent trial saw the model leave a 3 cm neighbourhood at tick 850.
     assert!((850..950).contains(&fault.tick), "{fault}");
     assert!(run.force.iter().all(|f| f.iter().all(|f| f.is_finite())));
 }
 
-/// A hand-over moves the exterior at once, and may move it over a free tip. The tip then is in
+/// A hand-over moves the exterior at once, and may move it over a free tip. The tip is then in
 /// contact, not inside.
 #[test]
 fn a_hand_over_does_not_swallow_a_free_tip() {
@@ -245,8 +245,8 @@ fn a_hand_over_does_not_swallow_a_free_tip() {
     assert!(run.normal_force[150] > 0.0, "the risen surface is felt");
 }
 
-/// Random paths in, over and out of the surface, at speeds up to metres per second: the tip is never
-/// inside without a contact, in any law, and what does not complete is a named fault.
+/// On random paths in, over and out of the surface, at speeds up to metres per second, the tip is never
+/// inside without a contact, in any law, and a run that does not complete ends in a named fault.
 #[test]
 fn random_paths_do_not_tunnel() {
     let waypoint = (-0.02..0.02_f64, -0.02..0.02_f64, -0.003..0.004_f64);
@@ -271,18 +271,18 @@ fn random_paths_do_not_tunnel() {
     assert!(faults.get() < 30, "{} of 60 runs end in a fault", faults.get());
 }
 
-/// Collision against dense sampling of the tip's height over moving triangles, down to needles.
+/// Collision compared with dense sampling of the tip's height over moving triangles, down to needles.
 #[test]
 fn collisions_are_those_of_dense_sampling() {
     use stickslip::contact::collision::pass_inwards;
-    // The tip at the time of collision against the point its weights give, relative to its way; needles
-    // amplify round-off by their aspect. Measured: 1e-13.
+    // Distance of the tip at the time of collision from the point of the weights, relative to its path; needles
+    // amplify round-off by their aspect ratio. Measured: 1e-13.
     let worst = Worst::new("geometry", "collision: tip - Σ w x at τ, relative", 1e-12);
     let vector = |size: f64| prop::array::uniform3(-size..size).prop_map(Vec3::from);
-    // Corners c close to the line ab make needles of any aspect down to 1e-6.
+    // Corners c close to the line ab make needles of any aspect ratio down to 1e-6.
     let triangle = (vector(1.0), vector(1.0), -1.0..2.0_f64, vector(1.0), (-6.0..0.0_f64))
         .prop_map(|(a, b, along, off, decade)| [a, b, a + (b - a) * along + off * 10.0_f64.powf(decade)]);
-    // A way through a point of the triangle at some time; half of them go outwards.
+    // The path leads through a point of the triangle at some time; half of the paths lead outwards.
     let hit = (0.0..1.0_f64, 0.0..1.0_f64, 0.0..1.0_f64);
     let case = (triangle, prop::array::uniform3(vector(0.3)), hit, vector(1.5));
     let met = std::cell::Cell::new(0);
@@ -301,7 +301,7 @@ fn collisions_are_those_of_dense_sampling() {
             );
             ((q - a).dot(&n), [1.0 - beta - gamma, beta, gamma])
         };
-        // The sampled crossings that are inside by a margin, and all that are inside at all.
+        // The first sampled crossings inside by a margin, and those inside at all.
         let samples: Vec<_> = (0..=4000).map(|i| at(f64::from(i) / 4000.0)).collect();
         let falls = || (0..4000).filter(|&i| samples[i].0 > 0.0 && samples[i + 1].0 < 0.0);
         let inside = |i: usize, margin: f64| [i, i + 1].iter().all(|&i| samples[i].1.iter().all(|&w| w >= margin));
@@ -316,7 +316,7 @@ fn collisions_are_those_of_dense_sampling() {
             let p: Vec3 = (0..3).map(|i| (from[i] + motion[i] * time) * weights[i]).sum();
             let q = q0 + (q1 - q0) * time;
             worst.case((p - q).norm() / ((q1 - q0).norm() + 1.0))?;
-            // The height is falling there, and not before.
+            // The height is decreasing there, and is not before.
             prop_assert!(at((time + 1e-7).min(1.0)).0 <= at((time - 1e-7).max(0.0)).0);
         }
         Ok(())
@@ -325,19 +325,19 @@ fn collisions_are_those_of_dense_sampling() {
     assert!(met.get() > 500, "only {} passages", met.get());
 }
 
-/// The exterior is integrated at boundaries, out of the haptic loop's sight. What runs away there is
+/// The exterior is integrated at boundaries, outside the haptic loop. A divergence there is
 /// found there.
 #[test]
 fn an_exterior_that_runs_away_is_a_named_fault_at_its_boundary() {
     let mut scene = small_scene(LAWS[0], "rings = 1", PRESS_AND_DRAG);
-    // Steps of 50 ms: more than ten times the stable one.
+    // Steps of 50 ms are more than ten times the stability-limit time step.
     scene.global.substeps = 2;
     let fault = run(&scene).fault.expect("no such step is stable");
     assert_eq!(fault.tick % 100, 0, "{fault}");
-    assert!(matches!(fault.cause, Cause::Runaway { .. } | Cause::StateNotFinite { .. }), "{fault}");
+    assert!(matches!(fault.cause, FaultCause::Runaway { .. } | FaultCause::StateNotFinite { .. }), "{fault}");
 }
 
-/// A dented block, for geometry without time.
+/// Dented block, for geometry without time.
 struct Dent {
     network: Network,
     surface: Arc<Surface>,
@@ -379,8 +379,8 @@ impl Dent {
     }
 }
 
-/// Near the surface, and up to ten metres away, where squared distances have lost the digits that
-/// tell equally near triangles apart.
+/// Tip near the surface, or up to ten metres away, where squared distances have lost the digits that
+/// distinguish equally near triangles.
 fn point() -> impl Strategy<Value = Vec3> {
     let near = (-0.04..0.04, -0.04..0.04, -0.03..0.02).prop_map(|(x, y, z)| Vec3::new(x, y, z));
     let far = (prop::array::uniform3(-1.0..1.0_f64), -1.0..1.0_f64)
@@ -388,7 +388,7 @@ fn point() -> impl Strategy<Value = Vec3> {
     prop_oneof![near, far]
 }
 
-/// The box tree and the patch's list find what a look at every triangle finds.
+/// The box tree and the patch's list find the triangles that an exhaustive search finds.
 #[test]
 fn nearest_point_is_that_of_all_triangles() {
     let dent = Dent::new(0.004);
@@ -433,10 +433,11 @@ fn inside_and_outside_are_those_of_the_solid_angle() {
     run.unwrap();
 }
 
-/// A projection ends where its definition says, from wherever the walk started.
+/// A projection ends at the point that its definition gives, from wherever the walk started.
 #[test]
 fn projections_satisfy_their_definition() {
-    // Distances of some millimetres; Newton stops at 1e-12 in the weights, where its convergence is quadratic. Measured: 8e-18.
+    // Distances of some millimetres; Newton stops at 1e-12 in the weights, where its convergence is quadratic.
+    // Measured: 8e-18.
     let plane = Worst::new("geometry", "faceted: q - p along the face normal, m", 1e-16);
     let field = Worst::new("geometry", "shaded: q - p along the interpolated normal, m", 1e-16);
     let dent = Dent::new(0.003);
@@ -455,7 +456,7 @@ fn projections_satisfy_their_definition() {
                 };
                 prop_assert!(point.weights.iter().all(|&w| w >= 0.0));
                 prop_assert!((point.weights.iter().sum::<f64>() - 1.0).abs() <= 1e-15);
-                // In a valley the point lies on an edge, and q is off its normal.
+                // In a valley the point lies on an edge, and q is not on its normal.
                 if point.weights.iter().all(|&w| w > 0.0) {
                     let touch = shape.touch(Metric::Euclidean, &point, &mut support);
                     let (n, offset) = (touch.normal, q - touch.position);
@@ -473,7 +474,7 @@ fn projections_satisfy_their_definition() {
     assert!(on_edges > 0, "no valley was met");
 }
 
-/// Over a convex edge the faceted projection goes on in the neighbour, without a gap.
+/// Over a convex edge the faceted projection continues in the neighbour, without a gap.
 #[test]
 fn a_slide_crosses_ten_edges_in_one_projection() {
     let dent = Dent::new(0.0);
@@ -486,7 +487,7 @@ fn a_slide_crosses_ten_edges_in_one_projection() {
     });
 }
 
-/// Faceted and shaded, side by side: what interpolated normals are for.
+/// Faceted and interpolated (Phong) normals compared: the latter remove the jumps of the normal.
 #[test]
 fn shaded_normals_remove_the_jump_at_edges() {
     let jump = |surface| {

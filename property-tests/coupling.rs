@@ -1,4 +1,4 @@
-//! What stands between contact and device: passivity control, smoothing, a virtual coupling.
+//! Stages between contact and device: passivity control, smoothing, a virtual coupling.
 
 use nalgebra::Matrix2;
 use proptest::prelude::*;
@@ -14,7 +14,7 @@ use crate::check::{Worst, runner};
 
 const TICK: f64 = 1e-3;
 
-/// Walls that give energy out: ticks they answer late, stiffness (N/m), and what passivity control may leave of it.
+/// Active walls: delay in ticks, stiffness (N/m), and the share of the energy that passivity control may leave.
 const ACTIVE_WALLS: [(usize, f64, f64); 2] = [(5, 2e3, 0.02), (0, 2e4, 0.2)];
 
 fn vector(bound: f64) -> impl Strategy<Value = Vec3> {
@@ -22,15 +22,15 @@ fn vector(bound: f64) -> impl Strategy<Value = Vec3> {
 }
 
 fn coupling() -> impl Strategy<Value = CouplingSettings> {
-    // From 1.05 times the least mass on.
+    // The masses range from 1.05 times the least mass on.
     (10.0..5000.0f64, 0.0..50.0f64, 1.05..20.0f64).prop_map(|(stiffness, damping, times)| {
         let least = 0.25 * TICK * (TICK * stiffness + 2.0 * damping);
         CouplingSettings { stiffness, damping, mass: times * least }
     })
 }
 
-/// The device pressed for a second into a wall that answers some ticks late: what its forces, as the motors held them, gave
-/// out at most, J.
+/// Presses the device for a second into a wall with a delay of some ticks, and returns the largest energy that its
+/// forces, as the motors held them, emitted, J.
 fn press_into_wall(late: usize, stiffness: f64, mut controller: Option<PassivityController>) -> f64 {
     let waypoints = [(0.0, 0.002), (0.3, -0.02)].map(|(time, height)| Waypoint { time, position: Vec3::z() * height });
     let path = TipPath::new(waypoints.to_vec()).expect("ascending");
@@ -102,7 +102,7 @@ fn a_damper_takes_along_the_motion_what_is_missing_and_nothing_else() {
     });
     result.unwrap_or_else(|error| panic!("{error}"));
     assert!(corrected.get().iter().all(|&count| count > 1000), "{corrected:?}");
-    // At rest and under what is not a number it leaves forces alone and keeps its account.
+    // At rest and for NaN it leaves forces unchanged and keeps its account.
     let mut controller = PassivityController::default();
     assert_eq!(controller.command(&Vec3::x(), &Vec3::zeros()), Vec3::x());
     assert!(controller.command(&Vec3::repeat(f64::NAN), &Vec3::x()).x.is_nan());
@@ -116,7 +116,7 @@ fn smoothing_bounds_the_jump_at_a_hand_over() {
     let cases = (vector(5.0), vector(5.0), vector(5.0), 1..50u32, 0..50u32);
     let result = runner(500).run(&cases, |(first, second, third, ticks, until_next)| {
         let mut smoothing = HandOverSmoothing::new(ticks);
-        // The first of all starts from no force.
+        // The first fade starts from no force.
         let begun = smoothing.command(&first, true);
         fade.case((begun - first / f64::from(ticks + 1)).norm())?;
         for _ in 0..ticks {
@@ -129,7 +129,7 @@ fn smoothing_bounds_the_jump_at_a_hand_over() {
             let (from, raw) = (before, (force - before).norm());
             for j in 0..=length {
                 let commanded = smoothing.command(&force, j == 0);
-                // Under a constant force each step is as the first.
+                // Under a constant force each step is like the first.
                 jump.case((commanded - before).norm() - raw / f64::from(ticks + 1))?;
                 let share = (1.0 - f64::from(j + 1) / f64::from(ticks + 1)).max(0.0);
                 fade.case((commanded - force - (from - force) * share).norm())?;
@@ -149,7 +149,7 @@ fn smoothing_bounds_the_jump_at_a_hand_over() {
 fn a_coupling_at_rest_transmits_the_contact_force() {
     let constant = Worst::new("algebra", "virtual coupling at rest: force against that of contact, relative", 1e-15);
     let result = runner(200).run(&(vector(5.0), 10.0..5000.0f64, 1.0..50.0f64), |(contact, stiffness, damping)| {
-        // Critically damped or more, and slow against the tick: at rest after 40 of its slowest time constants.
+        // Critically damped or more, and slow compared with the tick: at rest after 40 of its slowest time constants.
         let mass = (0.25 * damping * damping / stiffness).max(TICK * (TICK * stiffness + 2.0 * damping));
         let settings = CouplingSettings { stiffness, damping, mass };
         let start = Vec3::new(0.01, -0.02, 0.03);
@@ -164,7 +164,7 @@ fn a_coupling_at_rest_transmits_the_contact_force() {
     result.unwrap_or_else(|error| panic!("{error}"));
 }
 
-/// A wall that the simulated tip leans on: the device feels its spring and the coupling's in series.
+/// The simulated tip leans on a wall: the device meets its spring in series with the coupling's.
 #[test]
 fn a_coupling_softens_a_wall_in_series() {
     let worst = Worst::new("algebra", "virtual coupling at a wall of 800 N/m: force, relative", 2e-15);
@@ -180,7 +180,7 @@ fn a_coupling_softens_a_wall_in_series() {
     worst.check((coupling.force() - Vec3::z() * expected).norm() / expected);
 }
 
-/// One tick of x and v about a measured tip at rest, as a matrix.
+/// Returns one tick of x and v about a measured tip at rest, as a matrix.
 #[test]
 fn couplings_are_refused_from_where_their_step_is_unstable() {
     let result = runner(500).run(&coupling(), |settings| {
@@ -195,7 +195,7 @@ fn couplings_are_refused_from_where_their_step_is_unstable() {
         let light = CouplingSettings { mass: 0.99 * least, ..settings };
         let least_mass = CouplingError::TooLight { mass: light.mass, least };
         prop_assert!(light.check(TICK) == Err(least_mass) && radius(light.mass) > 1.0, "{}", least);
-        // The code itself, kicked: bounded by what the kick leaves it.
+        // The simulation itself, started with a kick, stays within the energy of the kick.
         let mut coupling = VirtualCoupling::new(settings, TICK, Vec3::zeros()).expect("stable");
         coupling.advance(&Vec3::zeros(), &(Vec3::x() * (mass / TICK)));
         let mut farthest = 0.0_f64;

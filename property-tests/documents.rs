@@ -25,14 +25,14 @@ fn read(path: &Path) -> String {
     fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// All documents. A folder may be missing from a package that was not cloned.
+/// Returns all documents. A folder may be absent from a package that was not cloned.
 fn documents() -> Vec<PathBuf> {
     let entries = FOLDERS.iter().filter_map(|folder| fs::read_dir(package().join(folder)).ok()).flatten();
     let files = entries.map(|entry| entry.expect("an entry of a folder").path());
     files.filter(|path| path.extension().is_some_and(|extension| extension == "md")).collect()
 }
 
-/// Lines outside fenced code.
+/// Returns the lines outside fenced code.
 fn prose(text: &str) -> impl Iterator<Item = &str> {
     let mut code = false;
     text.lines().filter(move |line| {
@@ -42,7 +42,7 @@ fn prose(text: &str) -> impl Iterator<Item = &str> {
     })
 }
 
-/// Anchors of the headings, made as GitHub makes them.
+/// Returns the anchors of the headings, as GitHub makes them.
 fn anchors(text: &str) -> Vec<String> {
     let headings = prose(text).filter(|line| line.starts_with('#')).map(|line| line.trim_start_matches('#').trim());
     let slug = |heading: &str| {
@@ -52,10 +52,31 @@ fn anchors(text: &str) -> Vec<String> {
     headings.map(slug).collect()
 }
 
-/// Targets of links and pictures.
+/// Returns the targets of links and pictures.
 fn links(text: &str) -> Vec<&str> {
     let after = |line| str::split(line, "](").skip(1).filter_map(|rest: &str| rest.split(')').next());
     prose(text).flat_map(after).collect()
+}
+
+/// The examples need nothing but what is public: names at the crate's root.
+#[test]
+fn examples_use_the_public_names_only() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("reference/examples");
+    let mut checked = 0;
+    for entry in fs::read_dir(folder).expect("the examples' folder") {
+        let path = entry.expect("an entry").path();
+        let text = fs::read_to_string(&path).expect("an example");
+        for (at, _) in text.match_indices("stickslip::") {
+            let rest = &text[at + "stickslip::".len()..];
+            let names = match rest.strip_prefix('{') {
+                Some(list) => list.split('}').next().unwrap_or_default(),
+                None => rest.split([';', '(', ' ', ',']).next().unwrap_or_default(),
+            };
+            assert!(!names.contains("::"), "{}: `{names}` reaches into a module", path.display());
+            checked += 1;
+        }
+    }
+    assert!(checked >= 5, "{checked} uses of the library in the examples");
 }
 
 #[test]
@@ -79,7 +100,7 @@ fn links_between_documents_resolve() {
     assert!(checked > 40, "only {checked} links in {} documents", documents.len());
 }
 
-/// Keys of scenes: the first strings of the tuples in the source of `scene::keys`.
+/// Returns the keys of scenes: the first strings of the tuples in the source of `scene::keys`.
 fn keys(source: &str) -> Vec<&str> {
     let tuples = source.split('(').filter_map(|tuple| tuple.trim_start().strip_prefix('"')?.split_once("\","));
     let is_key = |key: &&str| key.chars().all(|letter| letter.is_ascii_lowercase() || "_.".contains(letter));

@@ -1,5 +1,5 @@
-//! The doors for a renderer, an instrument and a contact law of one's own: what they promise, and that what goes through
-//! them is what the built-in parts do.
+//! Renderers, instruments and contact laws from outside: they keep their contracts, and the built-in parts give the
+//! same results through the public traits.
 
 use std::any::Any;
 
@@ -7,7 +7,7 @@ use stickslip::contact::rules::ContactRules;
 use stickslip::contact::simulation::LocalSimulation;
 use stickslip::local::model::{LocalModel, LocalModelBuilder, LocalSettings, LocalState};
 use stickslip::model::state::State;
-use stickslip::multirate::failsafe::Cause;
+use stickslip::multirate::failsafe::FaultCause;
 use stickslip::surface::geometry::ContactPoint;
 use stickslip::{
     Body, BodyState, ContactLaw, Instrument, InstrumentFault, Law, Lockstep, Mode, MovedNodes, OwnParts, Rendered,
@@ -16,7 +16,7 @@ use stickslip::{
 
 use crate::check::{Worst, shipped};
 
-/// The paper's local model, brought from outside.
+/// The paper's local model, as a renderer from outside.
 #[derive(Debug, Clone)]
 struct Ours {
     rules: ContactRules,
@@ -79,7 +79,7 @@ fn with_renderer(renderer: impl Renderer + 'static) -> OwnParts {
     OwnParts { renderer: Some(Box::new(renderer)), ..OwnParts::default() }
 }
 
-/// The seam adds nothing: our own local model through it commands the same forces to the bit, hand-overs included.
+/// The paper's model through the public trait commands the built-in model's forces to the bit, hand-overs included.
 #[test]
 fn the_built_in_local_model_through_the_seam_gives_the_same_bits() {
     for name in ["fig3-sliding", "fig5-stick-slip", "fig5-stick-slip-subdivision"] {
@@ -90,7 +90,7 @@ fn the_built_in_local_model_through_the_seam_gives_the_same_bits() {
     }
 }
 
-/// A constant push at one point of the surface, which moves no nodes itself.
+/// Renderer of a constant force on one point of the surface, which moves no nodes itself.
 #[derive(Debug, Clone)]
 struct Push {
     force: Vec3,
@@ -137,7 +137,7 @@ fn a_renderer_that_moves_no_nodes_pushes_the_network() {
     }
 }
 
-/// What goes wrong in a part of one's own ends the run with a fault that names it, and nothing of it is commanded.
+/// A failure of a part from outside ends the run with a fault that names it, and nothing of it is commanded.
 #[test]
 fn faults_of_own_parts_are_named() {
     #[derive(Debug, Clone)]
@@ -163,15 +163,48 @@ fn faults_of_own_parts_are_named() {
     let not_finite = Rendered { force: Vec3::repeat(f64::NAN), ..Rendered::FREE };
     let off = Rendered { contact: Some((nowhere, Vec3::z())), ..Rendered::FREE };
     for (rendered, fault, cause) in [
-        (Rendered::FREE, Some(fault), Cause::Renderer(fault)),
-        (not_finite, None, Cause::ForceNotFinite),
-        (off, None, Cause::Renderer(RendererFault("its contact point is not on the surface"))),
+        (Rendered::FREE, Some(fault), FaultCause::Renderer(fault)),
+        (not_finite, None, FaultCause::ForceNotFinite),
+        (off, None, FaultCause::Renderer(RendererFault("its contact point is not on the surface"))),
     ] {
         let own = with_renderer(Faulty(0, rendered, fault));
         let mut ticks = 0;
         let ended = Simulation::prepare_with(&scene, own).expect("it starts outside").run(|_| ticks += 1);
         let ended = ended.expect_err("a fault");
         assert_eq!((ended.tick, ended.cause, ticks), (4, cause, 4));
+    }
+
+    /// Moves a node that there is not from the second model on, or gives it no velocity.
+    #[derive(Debug, Clone)]
+    struct Mover {
+        models: u32,
+        has_velocity: bool,
+        node: [u32; 1],
+    }
+    impl Renderer for Mover {
+        fn build(&mut self, _: Body<'_>, _: BodyState<'_>) -> Result<Box<dyn RendererModel>, RendererFault> {
+            self.models += 1;
+            self.node = [if self.models > 1 { u32::MAX } else { 300 }];
+            Ok(Box::new(self.clone()))
+        }
+    }
+    impl RendererModel for Mover {
+        fn tick(&mut self, _: Vec3, _: Vec3) -> Result<Rendered, RendererFault> {
+            Ok(Rendered::FREE)
+        }
+        fn moved(&self) -> Option<MovedNodes<'_>> {
+            const AT: [Vec3; 1] = [Vec3::new(0.0, 0.0, 0.0)];
+            Some(MovedNodes { nodes: &self.node, x: &AT, v: if self.has_velocity { &AT } else { &[] } })
+        }
+    }
+    for (has_velocity, tick, reason) in [
+        (true, 100, "it moves nodes that are fixed or that the body does not have"),
+        (false, 0, "it does not give a position and a velocity for each node it moves"),
+    ] {
+        let own = with_renderer(Mover { models: 0, has_velocity, node: [300] });
+        let ended = Simulation::prepare_with(&scene, own).expect("it starts outside").run(|_| ());
+        let ended = ended.expect_err("a fault");
+        assert_eq!((ended.tick, ended.cause), (tick, FaultCause::Renderer(RendererFault(reason))));
     }
 
     #[derive(Debug, Clone)]
@@ -192,7 +225,7 @@ fn faults_of_own_parts_are_named() {
     let mut largest = 0.0_f64;
     let ended = Simulation::prepare_with(&scene, own).expect("it starts outside");
     let ended = ended.run(|tick| largest = largest.max(tick.force.norm())).expect_err("a fault");
-    assert_eq!((ended.tick, ended.cause), (10, Cause::Instrument(InstrumentFault("its tip is not finite"))));
+    assert_eq!((ended.tick, ended.cause), (10, FaultCause::Instrument(InstrumentFault("its tip is not finite"))));
     assert_eq!(largest, 0.0, "an infinite command went out");
 }
 
@@ -207,7 +240,7 @@ fn a_renderer_without_a_cycle_is_refused() {
     assert!(refused.contains("sync.mode"), "{refused}");
 }
 
-/// A copy taken in the middle of a run goes on to the same bits, whichever part is one's own.
+/// A copy taken in the middle of a run continues with identical bits, whichever part is from outside.
 #[test]
 fn copies_of_a_run_go_on_alike() {
     let scene = shipped("fig5-stick-slip");
@@ -226,7 +259,7 @@ fn copies_of_a_run_go_on_alike() {
     }
 }
 
-/// Coulomb's law brought from outside.
+/// Coulomb's law, as a law from outside.
 #[derive(Debug)]
 struct Coulomb(f64);
 
@@ -243,7 +276,7 @@ impl ContactLaw for Coulomb {
     }
 }
 
-/// Under explicit steps the built-in law and the same from outside give the same bits, by either scheme.
+/// Under explicit steps the built-in law and its copy from outside give identical bits, in either scheme.
 #[test]
 fn the_built_in_law_through_the_door_gives_the_same_bits() {
     static COULOMB: Coulomb = Coulomb(1.0);
@@ -273,7 +306,7 @@ fn the_default_impulse_of_an_own_law_keeps_contact_and_bound() {
     follows.check((g * held.value - r).norm() / r.norm());
 }
 
-/// Every door can be moved to another thread.
+/// Every part from outside can be moved to another thread.
 #[test]
 fn own_parts_are_send() {
     fn is_send<T: Send>() {}

@@ -1,4 +1,4 @@
-//! Springs from Young's modulus, held against the elastic solid.
+//! Springs from Young's modulus compared with the elastic solid.
 
 use proptest::prelude::*;
 use stickslip::model::material::{Bulk, Identification, MaterialError, PerSpring, pair_damping};
@@ -12,7 +12,7 @@ use stickslip::{Mat3, Vec3};
 use crate::check::{Worst, scene};
 
 const E: f64 = 5e3;
-/// λ = μ = 2E/5 where Poisson's ratio is 1/4.
+/// Lamé constants of the solid with Poisson's ratio 1/4: λ = μ = 2E/5.
 const MU: f64 = 0.4 * E;
 
 fn network(mesh: &Mesh, stiffness: Vec<f64>) -> Network {
@@ -26,7 +26,7 @@ fn network(mesh: &Mesh, stiffness: Vec<f64>) -> Network {
     Network::new(mesh, &material, vec![false; mesh.nodes.len()]).expect("a value for each node")
 }
 
-/// Σ K_ij u_j at every node, with the network's own Jacobians.
+/// Returns Σ K_ij u_j at every node, with the network's own Jacobians.
 fn forces(network: &Network, u: &[Vec3]) -> Vec<Vec3> {
     let mut forces = vec![Vec3::zeros(); u.len()];
     for spring in network.springs.iter() {
@@ -46,8 +46,8 @@ fn volume(block: &Block) -> f64 {
     block.nodes.iter().map(|&count| (count - 1) as f64 * block.spacing).product()
 }
 
-/// K of a lattice against Hooke's law λ = μ = 2E/5: the energy of the whole block in any strain, boundary and all, and
-/// the force on an inner node in any quadratic displacement, a³[(λ + μ)∇(∇·u) + μ∇²u].
+/// K of a lattice compared with Hooke's law λ = μ = 2E/5: the energy of the whole block in any strain, boundary
+/// included, and the force on an inner node in any quadratic displacement, a³[(λ + μ)∇(∇·u) + μ∇²u].
 #[test]
 fn lattices_are_the_isotropic_solid() {
     // Sums of some hundred terms. Measured: 9e-16, 1e-14.
@@ -90,7 +90,7 @@ fn lattices_are_the_isotropic_solid() {
     }
 }
 
-/// A regular tetrahedron of edges 2√2, and one of every other shape.
+/// A regular tetrahedron of edges 2√2, or one of any other shape.
 fn one_tetrahedron(nodes: [Vec3; 4]) -> Mesh {
     Mesh {
         nodes: nodes.to_vec(),
@@ -102,7 +102,7 @@ fn one_tetrahedron(nodes: [Vec3; 4]) -> Mesh {
 
 const REGULAR: [[f64; 3]; 4] = [[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, -1.0, -1.0], [-1.0, -1.0, 1.0]];
 
-/// C_ijkl of springs over a volume, for the 81 combinations of indices.
+/// Returns C_ijkl of springs over a volume, for the 81 combinations of indices.
 fn stiffness_tensor(mesh: &Mesh, stiffness: &[f64], volume: f64) -> Vec<f64> {
     indices()
         .map(|index| {
@@ -119,7 +119,7 @@ fn indices() -> impl Iterator<Item = [usize; 4]> {
     (0..81).map(|i| [i / 27, i / 9 % 3, i / 3 % 3, i % 3])
 }
 
-/// λδ_ijδ_kl + μ(δ_ikδ_jl + δ_ilδ_jk).
+/// Returns λδ_ijδ_kl + μ(δ_ikδ_jl + δ_ilδ_jk).
 fn hooke() -> Vec<f64> {
     let same = |a: usize, b: usize| if a == b { 1.0 } else { 0.0 };
     indices()
@@ -201,12 +201,12 @@ const HOMOGENEOUS: [Quantity; 5] =
 
 #[test]
 fn lattices_answer_as_the_solid_does() {
-    // Exact for homogeneous strains, and, by reciprocity with the pulled bar, for the mean sag: what is left is
+    // Exact for homogeneous strains, and, by reciprocity with the pulled bar, for the mean sag. The remainder is
     // round-off of the solution. Measured: 4e-15.
     let exact = Worst::new("elastic solid", "bar, confined and sheared block of lattice cells, relative", 4e-14);
     // Measured: 2.7e-3 (shear), 1.1e-3 (full).
     let indented = Worst::new("Boussinesq", "settlement beside a point force, 16 cells, relative", 5e-3);
-    // Of second order in the spacing over the distance from the force, which is two and four cells at least.
+    // Second order in the spacing over the distance from the force, which is two and four cells at least.
     // Measured: 1.70 and 2.35.
     let order = Worst::new("Boussinesq", "order in the spacing from 8 to 16 cells, distance from 2", 0.5);
     for filling in [Filling::Shear, Filling::Full] {
@@ -226,7 +226,7 @@ fn lattices_answer_as_the_solid_does() {
 fn tetrahedra_answer_as_their_own_tensor_does() {
     let (c11, c12, c44) = (4.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0);
     let cubic = Worst::new("closed form", "five tetrahedra, confined and sheared, against their cubic solid", 5e-15);
-    // The ends and sides of the bar, which the cells' pattern ends at, are O(spacing). Measured: 4e-3 at 16 cells.
+    // The effect of the bar's ends and sides, where the cells' pattern ends, is O(spacing). Measured: 4e-3 at 16 cells.
     let bar = Worst::new("closed form", "five tetrahedra, pulled bar, Young's modulus against their cubic solid", 0.02);
     let filling = Filling::FiveTetrahedra { jitter: 0.0 };
     let ratio = |quantity, cells| 1.0 + relative_error(quantity, filling, Identification::VanGelder, cells);
@@ -235,8 +235,8 @@ fn tetrahedra_answer_as_their_own_tensor_does() {
     bar.check((ratio(Quantity::YoungModulus, 16) / (c11 - 2.0 * c12 * c12 / (c11 + c12)) - 1.0).abs());
 }
 
-/// Bars as Gmsh makes them, in refinement. Their tetrahedra lie in all directions, so that the network is nearly
-/// isotropic and Van Gelder's formula nearly right. Neither formula converges: what is left does not fall from 6 to 8
+/// Bars meshed by Gmsh, under refinement. Their tetrahedra lie in all directions, so that the network is nearly
+/// isotropic and Van Gelder's formula nearly right. Neither formula converges: the error does not fall from 6 to 8
 /// cells.
 #[test]
 fn bars_by_gmsh_keep_their_distance_from_the_solid() {
@@ -249,7 +249,7 @@ fn bars_by_gmsh_keep_their_distance_from_the_solid() {
         println!("{quantity:?}, {}: {errors:+.3?}", identification.name());
         errors.try_into().expect("three bars")
     };
-    // No theory says how far off: these hold what was measured on 244, 615 and 1279 nodes, with a fifth to spare.
+    // No theory predicts these errors: the bounds are those measured on 244, 615 and 1279 nodes, and a fifth more.
     let mut finest = [0.0; 2];
     // Measured: 0.050 and 0.169.
     let van_gelder = [
@@ -279,11 +279,11 @@ fn bars_by_gmsh_keep_their_distance_from_the_solid() {
     assert!(matches!(none, Err(ElasticityError::NoBar(5))));
 }
 
-/// The same file in a scene, standing on its end, which is clamped: it settles as the statics of a free end say, but
-/// for the clamp.
+/// The bar's file in a scene, standing on its clamped end: it settles as the statics of a free end predict, except for
+/// the clamp.
 #[test]
 fn a_bar_by_gmsh_settles_as_its_statics_say() {
-    // The lower end may not spread: stiffer over a part of the width, which is half the length. Measured: 0.0084.
+    // The lower end cannot spread: it is stiffer over a part of the width, which is half the length. Measured: 0.0084.
     let worst = Worst::new("linear statics", "settled bar by Gmsh against one that is free to spread, relative", 0.02);
     for identification in Identification::ALL {
         let scene = scene(&format!(
@@ -320,9 +320,9 @@ fn a_bar_by_gmsh_settles_as_its_statics_say() {
     }
 }
 
-/// Why Van Gelder's springs are the default: where tetrahedra are far from regular Lloyd's are further off, and where
-/// they are not the two are alike. No mesh with a pattern is within a tenth in everything, by either: what they lack is
-/// isotropy.
+/// Van Gelder's springs are the default: for tetrahedra far from regular Lloyd's errors are larger, and otherwise the
+/// two are alike. No mesh with a pattern is within a tenth in every quantity, by either: such networks are not
+/// isotropic.
 #[test]
 fn van_gelder_is_nearer_than_lloyd() {
     let rows = table(&[8]).unwrap_or_else(|error| panic!("{error}"));

@@ -1,11 +1,11 @@
-//! Extreme scenes end as the table of expected outcomes says, and the table is held to it.
+//! Extreme scenes end as the table of expected outcomes states, and the table itself is checked.
 
 use stickslip::Vec3;
 use stickslip::contact::law::{Law, Mode};
 use stickslip::contact::rules::Scheme;
-use stickslip::multirate::failsafe::{Cause, Fault};
+use stickslip::multirate::failsafe::{Fault, FaultCause};
 use stickslip::multirate::messages::CycleMessage;
-use stickslip::multirate::trajectory::{Keep, Trajectory};
+use stickslip::multirate::trajectory::{PathRecording, Trajectory};
 use stickslip::pipeline::Simulation;
 use stickslip::surface::geometry::ContactSurface;
 use stickslip::verify::extremes::{EXTREMES, Expected, Extreme, FaultKind, Got, Quantity, Variant};
@@ -37,10 +37,10 @@ fn every_run_of_an_extreme_is_another_one() {
         let scene = extreme.scene(Variant::AsGiven).expect("a scene");
         let is_variant = (scene.surface, scene.contact.scheme) == (ContactSurface::Subdivision, Scheme::Velocity);
         assert_eq!(variants.len(), if is_variant { 1 } else { 2 }, "{}", extreme.name);
-        // An outcome of a run that there is not would never be looked at.
+        // An expected outcome of a run that does not exist would never be checked.
         assert!(variants.len() == 2 || extreme.expected_of_variant.is_none(), "{}", extreme.name);
     }
-    // The scene's own scheme, not the usual one.
+    // The scene's own scheme, not the default.
     assert_eq!(extreme("masses-fine").contact(Variant::AsGiven), "velocity, faceted");
     assert_eq!(extreme("frozen").contact(Variant::AsGiven), "velocity, subdivision");
 }
@@ -49,7 +49,7 @@ fn extreme(name: &str) -> &'static Extreme {
     EXTREMES.iter().find(|extreme| extreme.name == name).expect("an extreme of that name")
 }
 
-/// A table that expects something else is not met.
+/// A table with wrong expectations is not met.
 #[test]
 fn a_wrong_expectation_is_not_met() {
     let wrong: [(&str, Expected); 7] = [
@@ -57,11 +57,11 @@ fn a_wrong_expectation_is_not_met() {
         ("rest-60s", Expected::Refused("tip")),
         ("stiffness-1e8", Expected::Answer(&[])),
         ("stiffness-1e8", Expected::Fault(FaultKind::ForceNotFinite)),
-        // 0.34 N of a spring, not 0.35.
+        // The spring's force is 0.34 N, not 0.35.
         ("one-free-node", Expected::Answer(&[(Quantity::Ends(0.35), 0.01)])),
-        // What sticks differs from what slides, however young its models are.
+        // What sticks differs from what slides, however recent its models are.
         ("friction-10", Expected::Answer(&[(Quantity::OrderInAge(|scene| scene.contact.law = Law::Sliding), 0.9)])),
-        // Never fell back, because nothing is condensed.
+        // No model fell back, because nothing is condensed.
         ("one-free-node", Expected::Answer(&[(Quantity::FellBack, 0.01)])),
     ];
     for (name, expected) in wrong {
@@ -70,12 +70,12 @@ fn a_wrong_expectation_is_not_met() {
     }
 }
 
-/// Nothing but the outcome that was asked for will do.
+/// Only the expected outcome is accepted.
 #[test]
 fn no_expectation_is_met_by_a_panic_a_hang_or_nan() {
     let fault = Fault {
         tick: 1,
-        cause: Cause::ForceNotFinite,
+        cause: FaultCause::ForceNotFinite,
         mode: Mode::Free.name(),
         force: Vec3::zeros(),
         tip: Vec3::zeros(),
@@ -89,15 +89,15 @@ fn no_expectation_is_met_by_a_panic_a_hang_or_nan() {
             assert!(!expected.is_met_by(&got), "{expected} by {got}");
         }
     }
-    // A quantity that is not a number: nothing slips without friction, and nothing is in balance without a force.
+    // These quantities are NaN: nothing slips without friction, and nothing is in balance without a force.
     let expected = Expected::Answer(&[(Quantity::Balance, f64::INFINITY)]);
     let got = extreme("rest-60s").run(Variant::AsGiven, &expected);
     assert!(matches!(&got, Got::Answer { measured, .. } if measured[0].value.is_nan()), "{got}");
     assert!(!expected.is_met_by(&got), "{got}");
 }
 
-/// Why 24 h of rest need not be simulated at 1 kHz: a tick leaves every bit as it was, and so does a cycle
-/// of the whole network; the next ones start from the same bits.
+/// Rest for 24 h need not be simulated at 1 kHz: a tick leaves every bit as it was, and so does a cycle
+/// of the whole network; the next ones start from identical bits.
 #[test]
 fn rest_is_a_fixed_point_of_tick_and_cycle() {
     for variant in extreme("rest-60s").variants() {
@@ -109,7 +109,7 @@ fn rest_is_a_fixed_point_of_tick_and_cycle() {
         let whole = |state: &stickslip::model::state::State| (bits(&state.x), bits(&state.v));
         let (start, network) = (local.state().clone(), whole(global.state()));
         for _ in 0..3 {
-            let mut trajectory = Trajectory::new(Keep::Path);
+            let mut trajectory = Trajectory::new(PathRecording::EveryTick);
             trajectory.begin(local.model(), local.state(), 0, scene.ticks_per_cycle() as usize);
             for _ in 0..scene.ticks_per_cycle() {
                 local.tick(tip, tip);

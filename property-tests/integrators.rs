@@ -1,5 +1,5 @@
-//! Steps of the linear model as a whole, against a dense solution that shares no formula with them, and what they
-//! promise: order, energy, stability, the laws at the end of a tick.
+//! Implicit and exact steps of the linear model, compared with a dense solution that shares no formula with them:
+//! order, energy, stability, and the laws at the end of a tick.
 
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
@@ -23,7 +23,8 @@ use stickslip::pipeline::{self, TickView};
 use stickslip::scene::Scene;
 use stickslip::surface::geometry::{ContactSurface, SurfaceModel};
 use stickslip::surface::support::{Metric, Support};
-use stickslip::verify::residual::{larger, largest};
+use stickslip::verify::residual::larger;
+use stickslip::verify::residual::largest;
 use stickslip::{Mat3, Vec3};
 
 use crate::check::{Worst, scene, shipped};
@@ -31,11 +32,11 @@ use crate::check::{Worst, scene, shipped};
 const IMPLICIT: [LocalIntegrator; 3] =
     [LocalIntegrator::ImplicitEuler, LocalIntegrator::ImplicitMidpoint, LocalIntegrator::Exponential];
 const H: f64 = 1e-3;
-/// Amplitude of the velocities that free motions start from, m/s.
+/// Amplitude of the initial velocities of free motions, m/s.
 const START_SPEED: f64 = 0.05;
 const LAWS: [Law; 3] = [Law::Sliding, Law::Sticking, Law::StickSlip { friction: 0.5 }];
 
-/// What a block of unequal masses is made of, and how it is approximated.
+/// Materials of a block of unequal masses, and its approximation.
 #[derive(Clone, Copy)]
 struct Setup {
     stiffness: f64,
@@ -56,7 +57,7 @@ const DAMPED: Setup = Setup {
 };
 const UNDAMPED: Setup = Setup { damping: 0.0, drag: 0.0, exterior: ExteriorKind::Fixed, ..DAMPED };
 
-/// The patch of one ring of a moving, deformed block, for ticks of h.
+/// Patch of one ring of a moving, deformed block, for ticks of h.
 fn moving(setup: Setup, integrator: LocalIntegrator, h: f64) -> (LocalModel, LocalState) {
     let block = Block { nodes: [5, 4, 3], spacing: 0.0125, stencil: Stencil::Shear };
     let mesh = block.mesh();
@@ -80,7 +81,7 @@ fn moving(setup: Setup, integrator: LocalIntegrator, h: f64) -> (LocalModel, Loc
         .expect("its step has a solution")
 }
 
-/// One free tick.
+/// Integrates one free tick.
 fn tick(model: &LocalModel, state: &mut LocalState, elapsed: f64) {
     let step = model.step.as_ref().expect("not the explicit integrator");
     model.predict(step, elapsed, state);
@@ -88,8 +89,8 @@ fn tick(model: &LocalModel, state: &mut LocalState, elapsed: f64) {
     std::mem::swap(&mut state.v, &mut state.v_predicted);
 }
 
-/// M v̇ = Kx + Dv + c + t g over the patch, found by probing the forces: they are affine, so that differences are exact
-/// but for rounding.
+/// Finds M v̇ = Kx + Dv + c + t g over the patch by probing the forces: they are affine, so that differences are exact
+/// except for rounding.
 struct Dense {
     mass: DVector<f64>,
     k: DMatrix<f64>,
@@ -122,7 +123,7 @@ impl Dense {
         }
     }
 
-    /// z' = Fz over z = (x, v, 1, t), with a constant force added.
+    /// Builds F of z' = Fz over z = (x, v, 1, t), with a constant force added.
     fn system(&self, force: &DVector<f64>) -> DMatrix<f64> {
         let n = self.mass.len();
         let mut f = DMatrix::zeros(2 * n + 2, 2 * n + 2);
@@ -139,7 +140,7 @@ impl Dense {
         f
     }
 
-    /// z over one tick: z₁ = e^{hF}z₀, or (1 − θhF)z₁ = (1 + (1 − θ)hF)z₀ for forces at the share θ of the tick.
+    /// Returns z after a tick: z₁ = e^{hF}z₀, or (1 − θhF)z₁ = (1 + (1 − θ)hF)z₀ for forces at the fraction θ of it.
     fn propagator(&self, integrator: LocalIntegrator, h: f64, force: &DVector<f64>) -> DMatrix<f64> {
         let f = self.system(force) * h;
         let one = DMatrix::identity(f.nrows(), f.nrows());
@@ -161,8 +162,8 @@ fn stacked(state: &LocalState, m: usize, elapsed: f64) -> DVector<f64> {
     z
 }
 
-/// Largest difference of positions over the largest position, and of velocities over the largest speed, at least that
-/// of the start: what has decayed is compared with what it decayed from.
+/// Returns the largest difference of positions over the largest position, or of velocities over the largest speed, at
+/// least that of the start: decayed motion is compared with its initial size.
 fn difference(a: &DVector<f64>, b: &DVector<f64>, m: usize) -> f64 {
     let part = |at: usize, least: f64| {
         let apart = a.rows(at, 3 * m) - b.rows(at, 3 * m);
@@ -171,8 +172,8 @@ fn difference(a: &DVector<f64>, b: &DVector<f64>, m: usize) -> f64 {
     larger(part(0, 0.0), part(3 * m, START_SPEED))
 }
 
-/// The θ-methods written as one linear system in (x, v) are the same methods only if nothing was lost on the way to
-/// A; e^{hF} of the second-order system is the exact solution.
+/// The θ-methods as one linear system in (x, v) agree with their elimination to A only if nothing was lost on the
+/// way; e^{hF} of the second-order system is the exact solution.
 #[test]
 fn free_ticks_are_those_of_the_dense_solution() {
     // Round-off of 100 ticks, of a dense solution in which x and v stand in one vector. Measured: 2e-12.
@@ -227,7 +228,7 @@ fn free_order_is_one_two_and_exact() {
     }
 }
 
-/// G and what an impulse does to positions, against two dense ticks that differ by a unit impulse over the tick.
+/// G and the effect of an impulse on positions, compared with two dense ticks that differ by a unit impulse.
 #[test]
 fn response_is_that_of_a_unit_impulse() {
     // Round-off of a difference of two ticks. Measured: 7e-14.
@@ -264,7 +265,7 @@ fn response_is_that_of_a_unit_impulse() {
     }
 }
 
-/// ½vᵀMv − ½xᵀKx − cᵀx: what a linear model without dampers keeps.
+/// Returns ½vᵀMv − ½xᵀKx − cᵀx, which a linear model without dampers conserves.
 fn linear_energy(dense: &Dense, z: &DVector<f64>) -> f64 {
     let n = dense.mass.len();
     let (x, v) = (z.rows(0, n), z.rows(n, n));
@@ -274,7 +275,7 @@ fn linear_energy(dense: &Dense, z: &DVector<f64>) -> f64 {
 
 #[test]
 fn midpoint_and_exact_ticks_keep_the_energy_without_dampers() {
-    // Round-off of 1,000 ticks relative to the energy that moves. Measured: 3e-12.
+    // Round-off of 1,000 ticks relative to the energy of the motion. Measured: 3e-12.
     let worst = Worst::new("linear model", "energy without dampers, 1,000 ticks, relative", 3e-11);
     for integrator in [LocalIntegrator::ImplicitMidpoint, LocalIntegrator::Exponential] {
         let (model, mut state) = moving(Setup { gravity: Vec3::zeros(), ..UNDAMPED }, integrator, H);
@@ -289,7 +290,7 @@ fn midpoint_and_exact_ticks_keep_the_energy_without_dampers() {
     }
 }
 
-/// A stabilised K is negative semidefinite, and implicit Euler takes energy out of every mode, at every step length.
+/// A stabilised K is negative semidefinite, and implicit Euler takes energy from every mode, at every step length.
 #[test]
 fn implicit_euler_never_gains_energy_however_stiff() {
     for stiffness in [100.0, 1e8] {
@@ -298,7 +299,7 @@ fn implicit_euler_never_gains_energy_however_stiff() {
             let (model, mut state) = moving(setup, LocalIntegrator::ImplicitEuler, h);
             let m = model.patch.len();
             let dense = Dense::probe(&model, &state);
-            // Measured from the equilibrium, where the quadratic form has its least value.
+            // The energy is relative to the equilibrium, where the quadratic form has its least value.
             let rest = dense.k.clone().lu().solve(&-&dense.constant).expect("held by the exterior");
             let energy = |state: &LocalState| {
                 let z = stacked(state, m, 0.0);
@@ -311,7 +312,7 @@ fn implicit_euler_never_gains_energy_however_stiff() {
             for n in 0..200 {
                 tick(&model, &mut state, f64::from(n) * h);
                 let now = energy(&state);
-                // Round-off of the form. Measured: no growth at all above 1e-16 of the start.
+                // Round-off of the form. Measured: no growth above 1e-16 of the start.
                 assert!(now <= last + 1e-14 * start, "k = {stiffness}, h = {h}, tick {n}: {last:e} to {now:e}");
                 last = now;
             }
@@ -320,10 +321,10 @@ fn implicit_euler_never_gains_energy_however_stiff() {
     }
 }
 
-/// A that is singular or not finite is a named end, not a NaN.
+/// An A that is singular or not finite ends in a named error, not in NaN.
 #[test]
 fn a_step_without_a_solution_is_named() {
-    // One node beside a held one, at half the spring's length: across it K = +k, and M − h²K = 1 − 1 = 0.
+    // One node beside a fixed one, at half the spring's length: laterally K = +k, and M − h²K = 1 − 1 = 0.
     let solve = |stiffness: f64, integrator| {
         let spring = Spring { nodes: [0, 1], stiffness, damping: 0.0, rest_length: 2.0 };
         let mesh = Block { nodes: [2, 2, 2], spacing: 1.0, stencil: Stencil::Structural }.mesh();
@@ -356,7 +357,7 @@ fn a_step_without_a_solution_is_named() {
     assert_eq!(solve(0.5, LocalIntegrator::ImplicitEuler), Ok(()));
 }
 
-/// A shipped scene with its patch integrated otherwise.
+/// Returns a shipped scene with another integrator of its patch.
 fn drag(name: &str, surface: ContactSurface, law: Law, integrator: LocalIntegrator) -> Scene {
     let mut scene = shipped(name);
     (scene.surface, scene.contact.scheme, scene.contact.law) = (surface, Scheme::Velocity, law);
@@ -374,14 +375,14 @@ fn ticks_keep_the_law() {
     // Round-off of positions up to 0.05 m. Measured: 2e-17 m.
     let sticks = Worst::new("implicit steps", "sticking: p - q1 at the end of a tick, m", 1e-16);
     let slides = Worst::new("implicit steps", "sliding, slipping: (p - q1).n at the end of a tick, m", 1e-16);
-    // The law's own arithmetic. Measured: 7e-16.
+    // Arithmetic of the law. Measured: 7e-16.
     let cone = Worst::new("implicit steps", "slipping: F_T / (μ F_N) - 1", 1e-14);
     for integrator in IMPLICIT {
         for surface in [ContactSurface::Faceted, ContactSurface::Subdivision] {
             for law in LAWS {
                 let mut touched = 0;
                 let mut scene = drag("fig5-stick-slip", surface, law, integrator);
-                // Beyond, the exact tangent of the stuck block is indefinite, and exact ticks follow it out.
+                // Later, the exact tangent of the stuck block is indefinite, and exact ticks diverge with it.
                 scene = scene.with_ticks(900);
                 completes(&scene, |view| {
                     let Some(touch) = view.report.touch.filter(|_| !view.report.rigid) else { return };
@@ -406,12 +407,12 @@ fn ticks_keep_the_law() {
     }
 }
 
-/// A G that turns impulses: where sticking would pull, or slip push backwards, sliding is solved and said so.
+/// With a G that turns impulses, where sticking would pull, or slip push backwards, sliding is solved and reported.
 #[test]
 fn a_law_without_a_solution_is_solved_as_sliding() {
     let n = Vec3::z();
     let r = Vec3::new(1.0, 0.0, -0.1);
-    // Sticking to r needs a pull: symmetric positive definite, with much coupling of x and z.
+    // Sticking to r needs a pull: G is symmetric positive definite, with strong coupling of x and z.
     let pulls = Mat3::new(1.0, 0.0, 0.5, 0.0, 1.0, 0.0, 0.5, 0.0, 1.0);
     assert!((pulls.try_inverse().expect("regular") * r).z < -0.1, "it pushes");
     let turned = Mat3::new(1.0, 0.0, -0.5, 0.0, 1.0, 0.0, -0.5, 0.0, 1.0);
@@ -447,9 +448,9 @@ fn fallbacks_are_counted() {
     }
 }
 
-/// A network of 1e8 N/m and 10 g nodes, a hundred times too stiff for an explicit tick, pressed and dragged: what is
-/// commanded is finite. Implicit Euler completes. The midpoint rule and exact ticks keep what the contact puts into modes
-/// that turn many times within a tick; such a run may end, with a named fault.
+/// In a network of 1e8 N/m and 10 g nodes, a hundred times too stiff for an explicit tick, pressed and dragged, every
+/// commanded force is finite. Implicit Euler completes. The midpoint rule and exact ticks keep the contact's energy in
+/// modes that turn many times within a tick; such a run may end, with a named fault.
 #[test]
 fn stiff_scenes_command_finite_forces() {
     for integrator in IMPLICIT {
@@ -475,7 +476,7 @@ fn stiff_scenes_command_finite_forces() {
     }
 }
 
-/// A block that swings, on its own.
+/// A block that swings without a contact.
 fn swinging(stiffness: f64) -> (Network, State) {
     let block = Block { nodes: [4, 3, 3], spacing: 0.0125, stencil: Stencil::Shear };
     let mesh = block.mesh();
@@ -497,8 +498,8 @@ fn swinging(stiffness: f64) -> (Network, State) {
     (network, state)
 }
 
-/// v₁ = v₀ + hM⁻¹f(x₀ + hv₁, v₁) by Newton's method with a dense Jacobian of differences, which shares nothing with the
-/// sparse one but the forces.
+/// Solves v₁ = v₀ + hM⁻¹f(x₀ + hv₁, v₁) by Newton's method with a dense Jacobian of differences, which shares only the
+/// forces with the sparse one.
 fn dense_implicit_euler(network: &Network, state: &mut State, h: f64) {
     let free: Vec<usize> = (0..3 * network.node_count()).filter(|i| !network.fixed[i / 3]).collect();
     let residual = |v: &DVector<f64>| {
@@ -562,7 +563,7 @@ fn global_implicit_euler_is_the_dense_solution() {
     }
 }
 
-/// Ten times beyond the explicit limit, and at 1e8 N/m.
+/// Implicit steps ten times beyond the explicit limit, and at 1e8 N/m.
 #[test]
 fn global_implicit_euler_is_stable_where_explicit_steps_explode() {
     for stiffness in [100.0, 1e8] {

@@ -1,4 +1,4 @@
-//! Jacobians and linear patch forces against derivatives that share no code with them.
+//! Jacobians and linear patch forces compared with independent derivatives.
 
 use nalgebra::Complex;
 use proptest::prelude::*;
@@ -17,18 +17,18 @@ use stickslip::verify::residual::largest;
 
 use crate::check::{Worst, runner};
 
-/// Both sides are exact derivatives; they differ by round-off, amplified by L/ℓ ≤ 100.
+/// Tolerance of two exact derivatives: round-off, amplified by L/ℓ ≤ 100.
 /// Measured: 6e-16.
 const EXACT_TOLERANCE: f64 = 1e-14;
-/// Central differences with a step of 1e-6 of the length: truncation of the order 1e-12, round-off
+/// Tolerance of central differences with a step of 1e-6 of the length: truncation of the order 1e-12, round-off
 /// of the order 1e-16/1e-6, both amplified by L/ℓ. Measured: 4e-10.
 const DIFFERENCE_TOLERANCE: f64 = 1e-8;
 
 type C3 = [Complex<f64>; 3];
 
-/// f_i of one spring, written out again over complex numbers.
+/// Returns f_i of one spring, written out separately over complex numbers.
 fn force(d: C3, omega: C3, spring: &Spring) -> C3 {
-    // Without conjugation: the function must stay analytic.
+    // There is no conjugation: the function must stay analytic.
     let dot = |a: C3, b: C3| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let length = dot(d, d).sqrt();
     let u = d.map(|d| d / length);
@@ -40,7 +40,7 @@ fn complex(v: Vec3) -> C3 {
     [v.x, v.y, v.z].map(Complex::from)
 }
 
-/// Derivative along an axis by a complex step: no difference is formed, so the step can be tiny.
+/// Differentiates along an axis by a complex step: no difference is formed, so the step can be tiny.
 fn derivative(axis: usize, at: Vec3, f: impl Fn(C3) -> C3) -> Vec3 {
     const STEP: f64 = 1e-30;
     let mut z = complex(at);
@@ -108,7 +108,7 @@ fn spring_jacobians_are_those_of_differences() {
 
 #[test]
 fn stabilised_elastic_jacobian_is_never_indefinite() {
-    // An eigenvalue of a symmetric 3 × 3 block, relative to k. Measured: 2e-16.
+    // Lowest eigenvalue of a symmetric 3 × 3 block, relative to k. Measured: 2e-16.
     let worst = Worst::new("algebra", "stabilised tangent: most negative eigenvalue / k", 1e-14);
     let run = runner(500).run(&case(), |Case { spring, d, .. }| {
         let (k, _) = spring.jacobian(d, Vec3::zeros(), TangentKind::Stabilised);
@@ -118,7 +118,7 @@ fn stabilised_elastic_jacobian_is_never_indefinite() {
     run.unwrap();
 }
 
-/// A block in some state of motion, with gravity and drag.
+/// Builds a block in some state of motion, with gravity and drag.
 fn moving_block(damping: f64, drag: f64) -> (Network, Arc<Surface>, State) {
     let block = Block { nodes: [4, 4, 3], spacing: 0.0125, stencil: Stencil::Shear };
     let mesh = block.mesh();
@@ -141,7 +141,7 @@ fn moving_block(damping: f64, drag: f64) -> (Network, Arc<Surface>, State) {
     (network, Arc::new(Surface::new(&mesh).unwrap()), state)
 }
 
-/// Forces of the whole network on the patch, at a displaced state of the patch.
+/// Returns the forces of the whole network on the patch, at a displaced state of the patch.
 fn patch_forces(network: &Network, nodes: &[u32], x: &[Vec3], v: &[Vec3]) -> Vec<Vec3> {
     let mut f = vec![Vec3::zeros(); network.node_count()];
     network.forces(x, v, &mut f);
@@ -150,7 +150,7 @@ fn patch_forces(network: &Network, nodes: &[u32], x: &[Vec3], v: &[Vec3]) -> Vec
 
 #[test]
 fn linear_patch_forces_are_the_networks_tangent() {
-    // With a D, with one of drag alone, and without.
+    // The cases have a D, a D of drag alone, and none.
     for (damping, drag) in [(0.5, 0.05), (0.0, 0.05), (0.0, 0.0)] {
         check_tangent(damping, drag);
     }
@@ -164,7 +164,7 @@ fn check_tangent(damping: f64, drag: f64) {
     let mut selector = PatchSelector::new(&network, &surface);
     let patch = selector.select(&network, &surface, &state.x, state.x[37], &surface.triangles[0], Extent::Rings(1));
     assert!(patch.len() > 8 && !patch.boundary.is_empty());
-    // As the paper has it, the exterior is at rest.
+    // As in the paper, the exterior is at rest.
     for i in 0..network.node_count() as u32 {
         if !patch.nodes.contains(&i) {
             state.v[i as usize] = Vec3::zeros();
@@ -196,7 +196,7 @@ fn check_tangent(damping: f64, drag: f64) {
             let (ahead, behind) = (shifted(1.0), shifted(-1.0));
             for row in 0..dof {
                 let slope = (ahead[row / 3][row % 3] - behind[row / 3][row % 3]) / (2.0 * step);
-                // Where there is no D, nothing depends on v.
+                // Without D, nothing depends on v.
                 worst.check((slope - linear.entry(row, block * dof + column)).abs() / largest.max(f64::MIN_POSITIVE));
             }
         }
@@ -226,8 +226,8 @@ fn moving_one_node_is_the_matrix_column() {
     }
 }
 
-/// Under a drifting exterior the tangent model is right to second order in time: halving the time
-/// quarters what it misses of the nonlinear springs.
+/// Under a drifting exterior the tangent model is of second order in time: halving the time
+/// quarters its difference from the nonlinear springs.
 #[test]
 fn drifting_exterior_is_right_to_first_order_in_time() {
     let (network, surface, state) = moving_block(0.5, 0.05);

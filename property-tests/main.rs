@@ -1,5 +1,5 @@
-//! Properties that hold for every network, contact and run. Each test prints the largest residual it
-//! saw beside its tolerance; every comparison is written so that NaN fails.
+//! Properties that hold for every network, contact and run. Each test prints its largest residual
+//! beside its tolerance; every comparison fails on NaN.
 
 mod accuracy;
 mod built_scenes;
@@ -14,7 +14,7 @@ mod doors;
 mod elasticity;
 mod extremes;
 mod integrators;
-mod limit;
+mod limit_surface;
 mod linearization;
 mod mesh_files;
 mod multirate;

@@ -1,5 +1,5 @@
-//! Meshes from files: every format gives the same mesh, what is made of it is a body, and what is none is refused
-//! with its name. Damaged files are refused too, and never trusted with a count.
+//! Meshes from files: every format gives the same mesh, a valid mesh becomes a body, and an invalid one is refused with
+//! a named error. Damaged files are refused too, and no count in them is trusted.
 
 use std::collections::{HashMap, HashSet};
 use std::fs;
@@ -11,14 +11,14 @@ use stickslip::Vec3;
 use stickslip::mesh_file::{FileMesh, Layers, MeshFile, MeshProblem};
 use stickslip::verify::residual::{larger, largest};
 
-/// Bytes; far more than any file here takes.
+/// Memory limit, bytes; far more than any file here takes.
 const BUDGET: u64 = 1 << 26;
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/meshes")
 }
 
-/// Files in every format whose names begin so.
+/// Returns the files in every format whose names begin so.
 fn formats(start: &str) -> Vec<PathBuf> {
     let files = fs::read_dir(folder().join("formats")).expect("a folder");
     let mut paths: Vec<PathBuf> = files.map(|file| file.expect("a file").path()).collect();
@@ -36,7 +36,7 @@ fn distance(a: &[Vec3], b: &[Vec3]) -> f64 {
     largest(a.iter().zip(b).flat_map(|(a, b)| (a - b).iter().map(|d| d.abs()).collect::<Vec<_>>()))
 }
 
-/// A triangle from its lowest node on: the same whichever corner it starts with, but not turned over.
+/// Returns a triangle from its lowest node on: equal for all of its starting corners, but not if it is inverted.
 fn rotated(triangle: [u32; 3]) -> [u32; 3] {
     let lowest = (0..3).min_by_key(|&i| triangle[i]).unwrap_or(0);
     [0, 1, 2].map(|i| triangle[(lowest + i) % 3])
@@ -47,8 +47,8 @@ fn enclosed(mesh: &FileMesh) -> f64 {
     mesh.mesh.triangles.iter().map(|t| t.map(corner)).map(|[a, b, c]| a.dot(&b.cross(&c)) / 6.0).sum()
 }
 
-/// Written by Gmsh, VTK and meshio: MSH 2.2 and 4.1, legacy VTK 4.2 and 5.1, XML; text, bytes in either order, base64, appended,
-/// raw, compressed. Text has ten digits from VTK, sixteen from Gmsh.
+/// Files by Gmsh, VTK and meshio: MSH 2.2 and 4.1, legacy VTK 4.2 and 5.1, XML; text, bytes in either order, base64,
+/// appended, raw, compressed. Text has ten digits from VTK, sixteen from Gmsh.
 #[test]
 fn every_format_gives_the_same_mesh() {
     let paths = formats("solid");
@@ -89,7 +89,7 @@ fn every_format_gives_the_same_surface() {
         let volume = enclosed(&shell);
         assert!((volume - 24e-6).abs() <= 1e-15, "{}: {volume:e} m³", path.display());
         let vertex = |node: u32| shell.mesh.nodes[node as usize].map(|x| (x * 1e9).round() as i64);
-        // Nodes are numbered otherwise, so a triangle's first corner is another: compare all three turns.
+        // The nodes' numbering differs, so a triangle's first corner may: all three rotations are compared.
         for &[a, b, c] in &shell.mesh.triangles {
             let turns = [[a, b, c], [b, c, a], [c, a, b]].map(|turn| turn.map(vertex));
             assert!(turns.iter().any(|turn| outside.contains(turn)), "{}: {turns:?}", path.display());
@@ -98,7 +98,7 @@ fn every_format_gives_the_same_surface() {
     }
 }
 
-/// A body is what it is made of: volumes add up, edges are the tetrahedra's, and faces between two of them are inside.
+/// A body agrees with its elements: volumes add up, edges are the tetrahedra's, and faces between two are inside.
 #[test]
 fn a_solid_is_a_body() {
     for name in ["ellipsoid-500.msh", "liver-500.msh", "ellipsoid-5000.vtu", "liver-5000.vtu"] {
@@ -137,7 +137,7 @@ fn a_solid_is_a_body() {
     }
 }
 
-/// MSH 2.2 as text, with numbers of nodes of one's own.
+/// Builds an MSH 2.2 text with given numbers of nodes.
 fn msh(nodes: &[(u64, [f64; 3])], elements: &[(u32, &[u64])]) -> String {
     let mut text = format!("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n{}\n", nodes.len());
     for (number, [x, y, z]) in nodes {
@@ -154,16 +154,16 @@ fn msh(nodes: &[(u64, [f64; 3])], elements: &[(u32, &[u64])]) -> String {
 const CORNERS: [(u64, [f64; 3]); 5] =
     [(1, [0.0, 0.0, 0.0]), (2, [1.0, 0.0, 0.0]), (3, [0.0, 1.0, 0.0]), (4, [0.0, 0.0, 1.0]), (5, [1.0, 1.0, 1.0])];
 const TETRAHEDRON: (u32, &[u64]) = (4, &[1, 2, 3, 4]);
-/// On the other side of the first one's slanting face.
+/// Tetrahedron on the other side of the first one's slanting face.
 const SECOND: (u32, &[u64]) = (4, &[2, 3, 4, 5]);
-/// The faces of the first one, outwards.
+/// Outward faces of the first tetrahedron.
 const FACES: [(u32, &[u64]); 4] = [(2, &[1, 3, 2]), (2, &[1, 2, 4]), (2, &[1, 4, 3]), (2, &[2, 3, 4])];
 
 fn made(text: &str) -> Result<FileMesh, MeshProblemText> {
     made_of(text.as_bytes(), "x.msh", 1.0, Layers { count: 1, depth: 0.01 })
 }
 
-/// Words of an error, and its advice.
+/// Returns the words of an error, and its advice.
 type MeshProblemText = (String, String);
 
 fn made_of(bytes: &[u8], name: &str, scale: f64, layers: Layers) -> Result<FileMesh, MeshProblemText> {
@@ -176,7 +176,7 @@ fn moved(number: u64, position: [f64; 3]) -> [(u64, [f64; 3]); 5] {
     CORNERS.map(|(n, x)| if n == number { (n, position) } else { (n, x) })
 }
 
-/// What is wrong, the file, and words of the message.
+/// Cases: defect, file, and words of the message.
 #[test]
 fn what_is_no_body_is_refused_by_name() {
     let good = msh(&CORNERS, &[TETRAHEDRON, SECOND]);
@@ -206,7 +206,7 @@ fn what_is_no_body_is_refused_by_name() {
         ("one inverted", msh(&CORNERS, &[TETRAHEDRON, mixed]), "1 of 2 tetrahedra are inverted"),
         ("one twice", msh(&CORNERS, &[TETRAHEDRON, SECOND, TETRAHEDRON]), "tetrahedra 0 and 2 lie on the same side"),
         ("two pieces", msh(&apart, &[TETRAHEDRON, SECOND, (4, &[6, 7, 8, 9])]), "is 2 separate pieces, of 5, 4 nodes"),
-        ("second order", msh(&CORNERS, &[(11, &[1, 2, 3, 4, 5])]), "tetrahedron of second order (Gmsh type 11)"),
+        ("second order", msh(&CORNERS, &[(11, &[1, 2, 3, 4, 5])]), "second-order tetrahedron (Gmsh type 11)"),
         ("a hexahedron", msh(&CORNERS, &[TETRAHEDRON, (5, &[1, 2, 3, 4])]), "element 1 is a hexahedron"),
         ("an open surface", msh(&CORNERS, &FACES[..3]), "the surface is open"),
         ("a turned triangle", msh(&CORNERS, &[FACES[0], FACES[1], FACES[2], (2, &[3, 2, 4])]), "consistently oriented"),
@@ -237,9 +237,9 @@ fn what_is_no_body_is_refused_by_name() {
     assert!(wrong.is_empty(), "{wrong:#?}");
     for name in ["x.stl", "x", "x.msh.gz"] {
         let (message, advice) = made_of(good.as_bytes(), name, 1.0, Layers { count: 1, depth: 0.01 }).unwrap_err();
-        assert!(message.contains("no mesh file by its name") && advice.contains(".vtu"), "{message}");
+        assert!(message.contains("not a mesh file by its extension") && advice.contains(".vtu"), "{message}");
     }
-    // VTK counts nodes: one that is not there is found as the cells are read.
+    // VTK counts nodes: a missing one is found when the cells are read.
     let vtk = "# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\n\
                POINTS 4 double\n0 0 0 1 0 0 0 1 0 0 0 1\nCELLS 1 5\n4 0 1 2 9\nCELL_TYPES 1\n10\n";
     let error = MeshFile::parse(vtk.as_bytes(), Path::new("x.vtk"), BUDGET).expect_err("there is no node 9");
@@ -259,14 +259,14 @@ fn bodies_that_hang_by_a_thread_are_refused() {
     let at_edge: (u32, &[u64]) = (4, &[1, 4, 5, 6]);
     for (second, words) in [(at_node, "touch only at node 0"), (at_edge, "not a consistently oriented manifold")] {
         let text = msh(&nodes, &[TETRAHEDRON, second]);
-        // Whichever way round the second is.
+        // The second one may be oriented either way.
         let turned = msh(&nodes, &[TETRAHEDRON, (4, &[second.1[0], second.1[2], second.1[1], second.1[3]])]);
         let messages = [made(&text), made(&turned)].map(|made| made.unwrap_err().0);
         assert!(messages.iter().any(|message| message.contains(words)), "{messages:?}");
     }
 }
 
-/// All inverted ones are turned round; numbers of nodes are names, whatever their order; unused nodes are left out, and
+/// Inverted tetrahedra are reoriented; node numbers are names, whatever their order; unused nodes are omitted, and
 /// triangles beside tetrahedra do not matter.
 #[test]
 fn what_differs_in_writing_only_is_the_same_mesh() {
@@ -290,8 +290,8 @@ fn what_differs_in_writing_only_is_the_same_mesh() {
     assert_eq!(made(&windows).expect("a body").mesh, expected.mesh);
 }
 
-/// MSH in bytes of either order: Gmsh writes that of its machine. In 4.1 the first three nodes belong to surface 7 and
-/// have parameters, as Gmsh writes them if asked to.
+/// MSH in bytes of either order: Gmsh writes its machine's. In 4.1 the first three nodes belong to surface 7 and
+/// have parameters, as Gmsh writes them on request.
 fn msh_in_bytes(version: &str, is_big: bool) -> Vec<u8> {
     let int = |value: i32| if is_big { value.to_be_bytes() } else { value.to_le_bytes() };
     let ints = |values: &[i32]| values.iter().flat_map(|&value| int(value)).collect::<Vec<u8>>();
@@ -339,8 +339,8 @@ fn bytes_are_read_in_either_order() {
     }
 }
 
-/// An icosahedron whose triangles are divided into four, with its corners on a sphere of 50 mm. Every corner lies on an axis
-/// of symmetry, so normals at corners are radial.
+/// An icosahedron whose triangles are divided into four, with its corners on a sphere of 50 mm. Every corner lies on
+/// an axis of symmetry, so normals at corners are radial.
 fn ball() -> MeshFile {
     let golden = (1.0 + 5.0_f64.sqrt()) / 2.0;
     let mut corners: Vec<Vec3> = Vec::new();
@@ -353,7 +353,7 @@ fn ball() -> MeshFile {
             for c in 0..12 {
                 let [p, q, r] = [a, b, c].map(|i| corners[i]);
                 let is_face = [(p - q), (q - r), (r - p)].iter().all(|edge| (edge.norm() - 2.0).abs() < 1e-9);
-                // Each once, from its lowest corner on, outwards.
+                // Each triangle occurs once, from its lowest corner on, outwards.
                 if is_face && a < b && a < c && p.dot(&q.cross(&r)) > 0.0 {
                     let middle = |corners: &mut Vec<Vec3>, i: usize, j: usize| {
                         let middle = (corners[i] + corners[j]) / 2.0;
@@ -374,7 +374,7 @@ fn ball() -> MeshFile {
     MeshFile::parse(msh(&nodes, &elements).as_bytes(), Path::new("ball.msh"), BUDGET).expect("a surface")
 }
 
-/// Layers of a ball are smaller balls, each as far below the last as asked for, and fold over at the centre and not before.
+/// Layers of a ball are smaller balls, each at the given depth below the last, and fold over only at the centre.
 #[test]
 fn layers_of_a_ball_are_balls() {
     let (radius, layers) = (0.05, Layers { count: 3, depth: 0.01 });
@@ -392,7 +392,8 @@ fn layers_of_a_ball_are_balls() {
     }
     println!("RESIDUAL | layers of a ball of 50 mm | radius, m | 1e-15 | {worst:.1e}");
     assert!(worst <= 1e-15, "{worst:e} m");
-    // What the innermost layer leaves of the outermost one. Between the corners the wall is up to a tenth thinner than at them, where its depth is given.
+    // The innermost layer's share of the outermost one. The depth is given at the corners; between them the wall is up
+    // to a tenth thinner.
     let wall = enclosed(&shell) * (1.0 - 0.4_f64.powi(3));
     let off = (shell.node_volumes.iter().sum::<f64>() - wall).abs() / wall;
     println!("RESIDUAL | layers of a ball of 50 mm | volume of the wall, relative | 0.1 | {off:.1e}");
@@ -406,7 +407,7 @@ fn layers_of_a_ball_are_balls() {
     }
 }
 
-/// Whatever becomes of it: no panic. (A count that is believed would be an abort, an endless loop a test that hangs.)
+/// A damaged file never causes a panic. (A trusted count would abort, and an endless loop would hang the test.)
 fn survive(bytes: &[u8], name: &str) -> bool {
     made_of(bytes, name, 0.001, Layers { count: 1, depth: 0.001 }).is_ok()
 }
@@ -419,7 +420,7 @@ fn cut_files_are_refused() {
         assert!(survive(&bytes, &name), "{name}");
         let step = (bytes.len() / 61).max(1);
         for length in (0..bytes.len()).step_by(step) {
-            // What stands after the elements may be missing: VTK's tables of data, Gmsh's of names.
+            // The parts after the elements may be missing: VTK's tables of data, Gmsh's names.
             let is_taken = survive(&bytes[..length], &name);
             assert!(!is_taken || length > bytes.len() / 2, "{name}: {length} of {} bytes are enough", bytes.len());
         }
@@ -448,7 +449,7 @@ fn flipped_bits_never_panic() {
     assert!(refused > taken, "{refused} refused, {taken} taken");
 }
 
-/// Counts that no file can keep, and structures that go on and on.
+/// Counts that no file can hold, and structures without an end.
 #[test]
 fn announced_counts_are_not_believed() {
     const MANY: u64 = i64::MAX as u64;
@@ -485,7 +486,7 @@ fn announced_counts_are_not_believed() {
         ("x.vtk", vtk("ASCII").into()),
         ("x.vtk", vtk("BINARY").into()),
         ("x.vtk", field.into()),
-        // 2⁶³ − 1 blocks, and one that claims to inflate to as much.
+        // The cases are 2⁶³ − 1 blocks, and a block that claims to inflate to that size.
         ("x.vtu", vtu("format='binary'>/////////38AAAAAAAAAAAAAAAAAAAAA").into()),
         ("x.vtu", vtu("format='ascii'>1 2 3").into()),
         ("x.vtu", vtu("format='appended' offset='9223372036854775807'>").into()),
@@ -498,18 +499,18 @@ fn announced_counts_are_not_believed() {
     }
 }
 
-/// A small file may inflate to much: it is refused before it does, by the budget.
+/// A small file may inflate to a large size: it is refused before it does, by the budget.
 #[test]
 fn memory_is_asked_for_before_it_is_used() {
     let path = folder().join("liver-5000.vtu");
     let size = fs::metadata(&path).expect("a file").len();
     let error = MeshFile::read(&path, 4 * size).expect_err("too large");
     assert!(matches!(error.problem(), MeshProblem::TooLarge { .. }), "{error}");
-    // Also where nothing is inflated, and the file alone would fit.
+    // The budget also applies where nothing is inflated, and the file alone would fit.
     let plain = folder().join("liver-500.msh");
     let error = MeshFile::read(&plain, 31 * fs::metadata(&plain).expect("a file").len()).expect_err("too large");
     assert!(matches!(error.problem(), MeshProblem::TooLarge { .. }), "{error}");
-    // Inflated, the nodes alone of a file that compresses well are larger than what its own size allows for.
+    // Inflated, the nodes alone of a file that compresses well exceed the memory that its own size allows for.
     let bytes = fs::read(&path).expect("a file");
     let error = MeshFile::parse(&bytes, &path, 32 * 100_000).expect_err("too large once inflated");
     assert!(matches!(error.problem(), MeshProblem::TooLarge { .. }), "{error}");

@@ -1,5 +1,5 @@
 //! The global cycle: hand-overs, latency, replay and overwrite, and the limits in which the local
-//! model is the network itself.
+//! model equals the network.
 
 use stickslip::Vec3;
 use stickslip::dynamics::integrators::GlobalIntegrator;
@@ -7,7 +7,7 @@ use stickslip::local::model::{Linearization, LocalSettings};
 use stickslip::model::springs::TangentKind;
 use stickslip::multirate::global::SyncMode;
 use stickslip::multirate::messages::CycleMessage;
-use stickslip::multirate::trajectory::{Keep, Trajectory};
+use stickslip::multirate::trajectory::{PathRecording, Trajectory};
 use stickslip::pipeline::{self, Simulation};
 use stickslip::scene::Scene;
 
@@ -17,7 +17,7 @@ const LAWS: [&str; 3] = ["law = \"sliding\"", "law = \"sticking\"", "law = \"sti
 
 #[test]
 fn a_patch_of_all_springs_is_the_full_network() {
-    // The same arithmetic in the same order, but the cycle rebuilds the model around it.
+    // The arithmetic and its order are identical, but the cycle rebuilds the model around it.
     let worst = Worst::new("full network", "rings = all, linearization = none: force, relative", 0.0);
     for law in LAWS {
         let full = run(&small_scene(law, "model = \"full\"", PRESS_AND_DRAG));
@@ -35,7 +35,7 @@ fn more_rings_and_shorter_cycles_come_closer_to_the_full_network() {
     let error = |scene: &Scene| relative_rms(&run(scene).force, &reference);
     let [one, two, all] = ["rings = 1", "rings = 2", "rings = \"all\""].map(|rings| error(&scene(rings)));
     assert!(two < one && all < two, "rings 1, 2, all: {one:.4}, {two:.4}, {all:.4}");
-    // Linearised at every tick, all rings leave only what a tangent misses within one tick.
+    // Linearised at every tick with all rings, only the tangent's error within one tick is left.
     let mut every_tick = scene("rings = \"all\"").with_ticks_per_cycle(1);
     every_tick.global.substeps = 1;
     let at_once = error(&every_tick);
@@ -54,7 +54,7 @@ fn model_ages_say_when_models_come() {
     assert_eq!(ages, expected);
 }
 
-/// A full-size patch in every cycle leaves replay and overwrite nothing to do, so both must agree;
+/// A full-size patch in every cycle leaves replay and overwrite without effect, so both must agree;
 /// with one ring they differ.
 #[test]
 fn replay_and_overwrite_differ_only_in_the_exterior() {
@@ -68,7 +68,7 @@ fn replay_and_overwrite_differ_only_in_the_exterior() {
     assert!(difference("rings = 1") > 1e-3);
 }
 
-/// Nothing touches and gravity sags the block: the network that replay integrates around a drifting
+/// Without a contact gravity makes the block sag: the network that replay integrates around a drifting
 /// patch must come down with the full one.
 #[test]
 fn replay_follows_the_network_where_the_patch_is_exact() {
@@ -92,8 +92,8 @@ fn replay_follows_the_network_where_the_patch_is_exact() {
     let (patch, full) = (sag(&scene), sag(&full));
     let largest = full.iter().copied().fold(0.0, |a: f64, z| a.max(-z));
     let off = |cycle: usize| (patch[100 * cycle] - full[100 * cycle]).abs() / largest;
-    // A drifting exterior ignores its own acceleration for a cycle; what that leaves after three
-    // cycles is small beside the sag. Measured: 0.04.
+    // A drifting exterior ignores its own acceleration for a cycle; the effect after three
+    // cycles is small compared with the sag. Measured: 0.04.
     println!("RESIDUAL | full network | sag of a drifting patch without contact, relative | 0.1 | {:.2}", off(3));
     assert!(largest > 1e-4, "the block sags by {largest} m");
     assert!(off(3) <= 0.1, "{}", off(3));
@@ -145,12 +145,12 @@ fn stabilised_tangent_differs_only_under_compression() {
     assert_ne!(exact[100..], stabilised[100..]);
 }
 
-/// In real time, notes of ticks are lost when the global side is late by cycles: the patch then stays where it was last.
+/// In real time, notes of ticks are lost when the global side is late by cycles: the patch then stays in place.
 #[test]
 fn a_path_with_gaps_is_replayed_as_far_as_it_goes() {
     let scene = small_scene(LAWS[0], "rings = 1", PRESS_AND_DRAG);
     let ticks = scene.ticks_per_cycle() as usize;
-    for keep in [Keep::Path, Keep::End] {
+    for keep in [PathRecording::EveryTick, PathRecording::LastTick] {
         for recorded in [0, 1, ticks - 1] {
             let sides = Simulation::prepare(&scene).expect("it starts").into_sides();
             let (mut global, local) = (sides.global.into_simulation(), sides.servo.into_local());
@@ -160,7 +160,7 @@ fn a_path_with_gaps_is_replayed_as_far_as_it_goes() {
             let moved: Vec<Vec3> = local.state().x[..m].iter().map(|x| x + Vec3::z() * 1e-3).collect();
             let v = vec![Vec3::zeros(); m];
             (0..recorded).for_each(|_| trajectory.record_at(&moved, &v));
-            // Of another patch, whose beginning was lost.
+            // These notes are of another patch, whose beginning was lost.
             trajectory.record_at(&moved[1..], &v[1..]);
             global.catch_up(&CycleMessage { trajectory, contact: None, tip: Vec3::zeros() }).expect("explicit steps");
             let expected = if recorded == 0 { &local.state().x[..m] } else { &moved[..] };

@@ -1,4 +1,4 @@
-//! The free network: what Newton's laws keep, closed forms, and convergence.
+//! The free network: conservation by Newton's laws, closed forms, and convergence.
 
 use nalgebra::DMatrix;
 use stickslip::Vec3;
@@ -49,7 +49,7 @@ fn energy(network: &Network, state: &State) -> f64 {
 fn momentum_is_kept_and_energy_bounded() {
     // Sums of some thousand terms over 2,000 steps. Measured: 5e-15.
     let kept = Worst::new("Newton's third law", "momentum and angular momentum, relative, 2,000 steps", 1e-13);
-    // The symplectic step keeps a nearby energy; the two differ by O(hω) ≈ 0.2 in the fastest
+    // The symplectic step conserves a nearby energy; the two differ by O(hω) ≈ 0.2 in the fastest
     // modes, which hold a part of it. Measured: 7e-2.
     let bounded = Worst::new("symplectic step", "energy undamped, relative to its start", 0.1);
     let (network, mut state) = block(0.0);
@@ -81,16 +81,16 @@ fn dampers_take_energy_and_no_momentum() {
         kept.check((now.0 - linear).norm() / linear.norm());
         kept.check((now.1 - angular).norm() / angular.norm());
         // Damping need not be monotone step by step under an explicit method, but it is over
-        // milliseconds, until only the motion of the whole is left.
+        // milliseconds, until only the motion of the whole remains.
         let energy = energy(&network, &state);
         assert!(energy <= last * (1.0 + 1e-9), "energy rises from {last:e} to {energy:e} at millisecond {step}");
         last = energy;
     }
-    // What no damper takes is the motion of the centre of mass and the rotation.
+    // No damper acts on the motion of the centre of mass and on the rotation.
     assert!(last < 0.9 * start, "dampers took little: {last} of {start}");
 }
 
-/// Two nodes, one fixed: m ẍ = −k x − c ẋ about the rest length.
+/// Solves two nodes, one fixed: m ẍ = −k x − c ẋ about the rest length.
 fn oscillator(damping: f64) -> (Network, State) {
     let spring = Spring { nodes: [0, 1], stiffness: 4.0, damping, rest_length: 1.0 };
     let nodes = vec![Vec3::zeros(), Vec3::x()];
@@ -115,7 +115,7 @@ fn exact(damping: f64, t: f64) -> f64 {
     }
 }
 
-/// Largest distance from the closed form at every tenth of the first second.
+/// Returns the largest distance from the closed form at every tenth of the first second.
 fn largest_error(integrator: GlobalIntegrator, damping: f64, steps: u32) -> f64 {
     let (network, mut state) = oscillator(damping);
     let mut stepper = Stepper::new(&network);
@@ -134,7 +134,7 @@ fn largest_error(integrator: GlobalIntegrator, damping: f64, steps: u32) -> f64 
 fn one_mass_follows_its_closed_form() {
     // Truncation (hω)⁴/120 ≈ 1e-14 of the amplitude, and the round-off of 4,000 steps. Measured: 3e-15.
     let closed = Worst::new("closed form", "one mass, under-, critically and over-damped, RK4, m", 1e-13);
-    // The asymptotic order at steps where the next term is a few per cent. Measured: 2e-4, 0.04.
+    // Asymptotic order at steps where the next term is a few per cent. Measured: 2e-4, 0.04.
     let first = Worst::new("closed form", "order of semi-implicit Euler, distance from 1", 0.01);
     let fourth = Worst::new("closed form", "order of RK4, distance from 4", 0.2);
     for damping in [0.2, 2.0, 6.0] {
@@ -179,7 +179,7 @@ fn a_chain_swings_in_its_modes() {
     }
 }
 
-/// A spring pressed to no length has no direction: no force, and no NaN.
+/// A spring compressed to zero length has no direction: it has no force, and gives no NaN.
 #[test]
 fn a_collapsed_spring_is_finite() {
     let (network, mut state) = oscillator(0.3);
@@ -190,8 +190,8 @@ fn a_collapsed_spring_is_finite() {
     assert_eq!(f, vec![Vec3::zeros(); 2]);
 }
 
-/// Values that are too few or too many for the mesh, and nodes that it has not, are refused before they are NaN or out of
-/// bounds.
+/// Too few or too many values for the mesh, and nodes that it does not have, are refused before they cause NaN or an
+/// index out of bounds.
 #[test]
 fn a_material_that_does_not_fit_the_mesh_is_refused() {
     let mesh = Block { nodes: [3, 3, 2], spacing: 0.01, stencil: Stencil::Shear }.mesh();
@@ -234,7 +234,7 @@ fn a_material_that_does_not_fit_the_mesh_is_refused() {
     assert_eq!(problem(larger), NetworkError::WrongCount { quantity: "node_mass", found, needed });
 }
 
-/// The network's Jacobian over all nodes, for whoever needs it dense.
+/// Returns the network's dense Jacobian over all nodes.
 pub fn dense_jacobian(network: &Network) -> (DMatrix<f64>, DMatrix<f64>) {
     use stickslip::model::springs::TangentKind;
     let dof = 3 * network.node_count();
@@ -252,7 +252,7 @@ pub fn dense_jacobian(network: &Network) -> (DMatrix<f64>, DMatrix<f64>) {
     (k, d)
 }
 
-/// The packed sweep against springs one by one: random networks, springs given in either direction,
+/// The packed sweep compared with springs one by one: random networks, springs given in either direction,
 /// several between the same nodes, and node numbers near the end where no packet fits.
 #[test]
 fn packed_springs_are_the_same_springs() {

@@ -1,4 +1,4 @@
-//! P, Q, P̃, Q̃: the literal matrices of the paper against the closed form, and what both must be.
+//! P, Q, P̃, Q̃: the paper's literal matrices compared with the closed form, and the properties of both.
 
 use nalgebra::{DMatrix, DVector, Rotation3};
 use proptest::prelude::*;
@@ -10,21 +10,21 @@ use stickslip::verify::residual::largest;
 
 use crate::check::{Worst, runner};
 
-/// Entries of projectors are of order 1 in the coordinates that make the metric the identity, where
+/// Tolerance of projectors, whose entries are of order 1 in the coordinates that make the metric the identity, where
 /// all comparisons are made; T and its inverse lose some digits when weights nearly vanish.
 /// Measured: 1e-13.
 const OPERATOR_TOLERANCE: f64 = 1e-12;
-/// Products of a few closed-form projections. Measured: 2e-15.
+/// Tolerance of products of a few closed-form projections. Measured: 2e-15.
 const ROUND_OFF: f64 = 1e-14;
-/// A sum of up to 39 diagonal entries. Measured: 1.1e-14.
+/// Tolerance of a sum of up to 39 diagonal entries. Measured: 1.1e-14.
 const TRACE_ROUND_OFF: f64 = 1e-13;
 
-/// A contact point over a few nodes, three of which (or fewer, if some are fixed) carry weight; or, as on
+/// Contact point over a few nodes, three of which (or fewer, if some are fixed) carry weight; or, as on
 /// a limit surface, over more nodes that all carry some.
 #[derive(Debug, Clone)]
 struct Case {
     frame: ContactFrame,
-    /// 3m-vectors for whoever needs some.
+    /// Additional 3m-vectors.
     vectors: Vec<DVector<f64>>,
     rotation: [f64; 3],
 }
@@ -57,7 +57,7 @@ impl Case {
                 .collect();
             DMatrix::from_columns(&columns)
         };
-        // P̃ f = Wᵀλ: subtracting the negative of λ from nothing.
+        // P̃ f = Wᵀλ: the negative of λ is subtracted from zero.
         let shared_out = |f: &mut [Vec3], direction: &dyn Fn(Vec3) -> Vec3| {
             let force = direction(support.reaction(f));
             f.fill(Vec3::zeros());
@@ -75,7 +75,7 @@ impl Case {
         DMatrix::from_fn(3, 3 * self.nodes(), |i, j| if j % 3 == i { self.frame.weights[j / 3] } else { 0.0 })
     }
 
-    /// √M (mass metric) or I: in the coordinates y = √M v the projectors are symmetric.
+    /// Returns √M (mass metric) or I: in the coordinates y = √M v the projectors are symmetric.
     fn root(&self) -> DVector<f64> {
         DVector::from_fn(3 * self.nodes(), |i, _| match self.frame.metric {
             Metric::Euclidean => 1.0,
@@ -83,13 +83,13 @@ impl Case {
         })
     }
 
-    /// A velocity operator in the coordinates in which its metric is the identity.
+    /// Transforms a velocity operator to the coordinates in which its metric is the identity.
     fn scaled(&self, operator: &DMatrix<f64>) -> DMatrix<f64> {
         let root = self.root();
         DMatrix::from_fn(root.len(), root.len(), |i, j| operator[(i, j)] * root[i] / root[j])
     }
 
-    /// The same for operators on forces.
+    /// Transforms an operator on forces to those coordinates.
     fn scaled_force(&self, operator: &DMatrix<f64>) -> DMatrix<f64> {
         let root = self.root();
         DMatrix::from_fn(root.len(), root.len(), |i, j| operator[(i, j)] / root[i] * root[j])
@@ -122,7 +122,7 @@ fn case() -> impl Strategy<Value = Case> {
         let direction =
             prop::array::uniform3(-1.0..1.0_f64).prop_filter_map("a direction", |d| Vec3::from(d).try_normalize(1e-2));
         let metric = prop_oneof![Just(Metric::Euclidean), Just(Metric::Mass)];
-        // Which of the three are fixed; at least one with weight stays free.
+        // These flags state which of the three are fixed; at least one with weight stays free.
         let fixed = prop_oneof![4 => Just([false; 3]), 1 => any::<[bool; 3]>()];
         let rotation = prop::array::uniform3(-3.0..3.0_f64);
         let weights = if nodes < 6 {
@@ -235,7 +235,7 @@ fn operators_follow_rotations_and_renumbering() {
     run.unwrap();
 }
 
-/// v·M v.
+/// Returns v·M v.
 fn energy(mass: &[f64], v: &DVector<f64>) -> f64 {
     v.iter().enumerate().map(|(i, v)| mass[i / 3] * v * v).sum()
 }
@@ -256,8 +256,8 @@ fn mass_metric_never_raises_kinetic_energy() {
     run.unwrap();
 }
 
-/// The recorded counter-example: two nodes of a thousandfold different mass, the light one moving.
-/// The Euclidean P gives the heavy node a speed that the light one cannot have paid for.
+/// The recorded counter-example: two nodes with a mass ratio of a thousand, the light one moving.
+/// The Euclidean P gives the heavy node a speed for which the light one has too little energy.
 #[test]
 fn euclidean_metric_raises_kinetic_energy_with_unequal_masses() {
     let mass = vec![1e-3, 1.0, 1.0];
@@ -305,7 +305,7 @@ fn coulombs_bound_holds_with_direction_and_normal_part_kept() {
     let run = runner(800).run(&strategy, |(case, f, friction)| {
         let n = case.frame.normal;
         let reaction = case.support().reaction(&f[..case.nodes()]);
-        // The law is asked only under pressure.
+        // The law is evaluated only under pressure.
         let reaction = if reaction.dot(&n) < 0.0 { -reaction } else { reaction };
         let normal = reaction.dot(&n);
         prop_assume!(normal > 0.0);
@@ -336,7 +336,7 @@ fn no_tangential_force_never_slips() {
     }
 }
 
-/// One step of velocities under a law: what the tick does with f, v and n̂.
+/// Returns one step of velocities under a law: the tick's treatment of f, v and n̂.
 fn constrained(law: Law, case: &Case, f: &[Vec3], v: &[Vec3]) -> (Vec3, Vec<Vec3>) {
     let h = 1e-3;
     let support = case.support();
@@ -366,8 +366,8 @@ fn friction_spans_sliding_to_sticking() {
         let (smooth, v_smooth) = constrained(Law::StickSlip { friction: 0.0 }, &case, &f[..n], &v[..n]);
         frictionless.case((sliding - smooth).norm() / reaction.norm())?;
         // A frictionless slip takes the normal force from the mesh before Q stops the rest of the
-        // normal motion; Q would have stopped it all. In the metric's own inner product both give
-        // the same: Wᵀn̂ F_N is in the kernel of Q M⁻¹ only there, or for equal masses.
+        // normal motion; Q would have stopped all of it. In the metric's own inner product both are
+        // equal: Wᵀn̂ F_N is in the kernel of Q M⁻¹ only there, or for equal masses.
         if case.frame.metric == Metric::Mass {
             let difference = largest(v_sliding.iter().zip(&v_smooth).map(|(a, b)| (a - b).norm()));
             frictionless.case(difference / scale(&f[..n], &v[..n]))?;

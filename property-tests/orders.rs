@@ -9,11 +9,11 @@ use stickslip::verify::surfaces;
 
 use crate::check::{Worst, scene};
 
-/// What theory says of the positions; `None` for what is exact.
+/// Theoretical order of the positions; `None` for an exact result.
 ///
-/// In contact the velocity at a tick's end is made the tip's mean velocity over the tick, which is that of half a tick
-/// before: first order for all. Positions do not mind where nothing depends on the velocity or on where the contact point
-/// has slid to, without dampers under sticking.
+/// In contact the velocity at a tick's end is set to the tip's mean velocity over the tick, which is that of half a
+/// tick before: first order for all. Positions keep their order where nothing depends on the velocity or on the slid
+/// distance of the contact point, that is, without dampers under sticking.
 fn expected(case: Case) -> Option<f64> {
     match case {
         Case::Local(LocalIntegrator::Exponential, _, Motion::Free) => None,
@@ -28,7 +28,7 @@ fn expected(case: Case) -> Option<f64> {
 
 #[test]
 fn every_integrator_has_its_order() {
-    // Steps of 1/2 to 1/32 ms, not the limit. Measured: 0.07.
+    // The steps are 1/2 to 1/32 ms, not the limit. Measured: 0.07.
     let worst = Worst::new("convergence", "observed order of positions - expected", 0.1);
     // Round-off of sums over 75 nodes with A⁻¹ in between. Measured: 2e-14.
     let momentum =
@@ -42,14 +42,14 @@ fn every_integrator_has_its_order() {
         }
         match (case, row.momentum_defect) {
             (Case::Local(_, Scheme::Velocity, _), Some(defect)) => momentum.check(defect),
-            // The paper's moves the mesh and stops it without an impulse. Measured: 0.012 to 0.017.
+            // The paper's scheme moves the mesh and stops it without an impulse. Measured: 0.012 to 0.017.
             (Case::Local(_, Scheme::Geometric { .. }, _), Some(defect)) => assert!(defect >= 0.005, "{row:?}"),
             (case, defect) => assert_eq!(defect, None, "{case:?}"),
         }
     }
 }
 
-/// A block that nothing holds, of unequal masses: what the contact puts in is all the momentum it has, whatever the
+/// In a block without fixed nodes, of unequal masses, the contact's impulse is all the momentum, whatever the
 /// surface, also where springs are nonlinear, and where K and D of springs that end inside have no net force.
 #[test]
 fn impulse_is_change_of_momentum() {

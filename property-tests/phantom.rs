@@ -1,4 +1,4 @@
-//! The modelled device at one instant: poses, inertia, forces to currents and back, and what it refuses.
+//! The modelled device at one instant: poses, inertia, forces to currents and back, and refusals.
 
 use nalgebra::SMatrix;
 use proptest::prelude::*;
@@ -14,7 +14,7 @@ use stickslip::{Mat3, Vec3};
 
 use crate::check::{Worst, runner};
 
-/// The longest reach of the links: what positions are compared with.
+/// Longest reach of the links, with which positions are compared, m.
 const LENGTH: f64 = UPPER_LINK + FORE_LINK;
 const HOME: Vec3 = Vec3::new(0.0, 0.0, 0.0);
 
@@ -22,7 +22,7 @@ fn vector(bound: f64) -> impl Strategy<Value = Vec3> {
     prop::array::uniform3(-bound..bound).prop_map(Vec3::from)
 }
 
-/// All poses that the device accepts, but for a margin of rounding at its stops.
+/// Poses that the device accepts, with a margin for rounding at its stops.
 fn pose() -> impl Strategy<Value = Vec3> {
     let range = |joint: Joint| {
         let (lower, upper) = joint.limits_deg();
@@ -37,7 +37,7 @@ fn target(position: Vec3) -> TipPath {
     TipPath::new(vec![Waypoint { time: 0.0, position }]).expect("finite")
 }
 
-/// ∂f/∂θᵢ by differences of order 4 with this step.
+/// Returns ∂f/∂θᵢ by fourth-order differences with this step.
 fn difference<const R: usize, const C: usize>(
     f: impl Fn(Vec3) -> SMatrix<f64, R, C>,
     angles: &Vec3,
@@ -63,7 +63,7 @@ fn poses_and_tips_are_each_others_inverse() {
     result.unwrap_or_else(|error| panic!("{error}"));
 }
 
-/// Every point gets its angles or an error that is true of it. With the round trip above, no pose is refused wrongly.
+/// Every point has its angles or a true error. With the round trip above, no pose is refused wrongly.
 #[test]
 fn points_without_a_pose_say_why() {
     let back = Worst::new("algebra", "PHANTOM: tip of the angles of any point, relative to 0.385 m", 1e-14);
@@ -125,7 +125,7 @@ fn each_limit_is_named() {
             other => panic!("{joint}: {other:?}"),
         }
     }
-    // Within all stops, but the tip is behind the axis of the turning joint; its own place is refused, too.
+    // The pose is within all stops, but the tip is behind the axis of the turning joint; its place is refused, too.
     let over = deg(0.0, 112.0, 165.0);
     assert_eq!(check(&over), Err(PoseError::Singular { reach_m: reach(&over) }));
     assert!(inverse(&forward(&over)).is_err());
@@ -145,7 +145,7 @@ fn each_limit_is_named() {
 
 #[test]
 fn the_jacobian_is_the_derivative_of_the_tip() {
-    // Differences of order 4 with steps of 1e-3: both their errors are about 1e-13 m/rad.
+    // Fourth-order differences with steps of 1e-3: both errors are about 1e-13 m/rad.
     let worst = Worst::new("differences", "PHANTOM: Jacobian, relative to 0.385 m/rad", 1e-11);
     let dual = Worst::new("algebra", "PHANTOM: torques of the force of torques, relative", 3e-15);
     let identical = std::cell::Cell::new(0);
@@ -187,7 +187,7 @@ fn coriolis_terms_are_the_christoffel_symbols_of_the_inertia() {
         slope.case((torque - gravity(&angles)).norm() / 0.08)
     });
     result.unwrap_or_else(|error| panic!("{error}"));
-    // The sign that printings differ in: −½π₄cos(θ₂ − θ₃)θ̇₂ at home, where the cosine is 1.
+    // Printings differ in this sign: −½π₄cos(θ₂ − θ₃)θ̇₂ at home, where the cosine is 1.
     let c = coriolis(&HOME, &Vec3::new(0.0, 2.0, 3.0));
     assert_eq!((c[(2, 1)], c[(1, 2)]), (-0.9123e-3, 1.5 * 0.9123e-3));
 }
@@ -196,8 +196,8 @@ fn coriolis_terms_are_the_christoffel_symbols_of_the_inertia() {
 fn the_tip_at_home_is_as_published() {
     let j = jacobian(&HOME);
     let inertia = JointSettings::default().inertia(&HOME);
-    // 1/(J M⁻¹Jᵀ)ᵢᵢ. The identified parameters give 52.49 g for y: published as 53, so that a unit of the last digit is
-    // all that can be asked for.
+    // 1/(J M⁻¹Jᵀ)ᵢᵢ. The identified parameters give 52.49 g for y, published as 53, so that a unit of the last digit is
+    // the best possible agreement.
     let mobility = j * inertia.try_inverse().expect("positive definite") * j.transpose();
     let masses = Worst::new("published", "PHANTOM: apparent tip mass 77, 53, 32 g at home, g", 1.0);
     for (axis, grams) in [77.0, 53.0, 32.0].into_iter().enumerate() {
@@ -238,7 +238,7 @@ fn commands_stay_within_limits_and_half_a_step() {
     let most = Worst::new("algebra", "PHANTOM: current limit, A over 5.5", 0.0);
     let counts = std::cell::Cell::new([0; 3]);
     let actuation = ActuationSettings::default();
-    // Weaker motors, or else 8.5 N saturate no current.
+    // With weaker motors, as 8.5 N otherwise saturates no current.
     let weak = ActuationSettings { torque_constant: 0.0234 / 5.0, ..actuation };
     let result = runner(2000).run(&(pose(), vector(12.0), any::<bool>()), |(angles, force, is_weak)| {
         let actuation = if is_weak { weak } else { actuation };
@@ -330,7 +330,7 @@ fn settings_out_of_range_are_named() {
     assert!(matches!(with(|s| s.axes.rotation[(0, 0)] = f64::NAN, 1e-3), DeviceError::Rotation { .. }));
     assert!(matches!(with(|s| s.substeps = 0, 1e-3), DeviceError::Substeps { .. }));
     assert!(matches!(with(|_| (), f64::NAN), DeviceError::Setting { .. }));
-    // What the error asks for is enough.
+    // The least number of substeps that the error states is enough.
     let DeviceError::Substeps { least, .. } = with(|_| (), 0.02) else { panic!("too few substeps") };
     let settings = PhantomSettings { substeps: least as u32, ..PhantomSettings::default() };
     assert!(settings.check(0.02).is_ok());

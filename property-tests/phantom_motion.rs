@@ -1,4 +1,4 @@
-//! The modelled device in motion: order, energy, static balance, and that nothing it is asked breaks it.
+//! The modelled device in motion: order, energy, static balance, and robustness.
 
 use proptest::prelude::*;
 use stickslip::Vec3;
@@ -22,7 +22,7 @@ fn still() -> TipPath {
     path(&[(0.0, [0.0; 3])])
 }
 
-/// Joints without friction; springs and masses of the hand as they are, without dampers.
+/// Returns joints without friction; the hand's springs and masses are unchanged, its dampers zero.
 fn lossless(hand: HandSettings) -> PhantomSettings {
     let zero = Vec3::zeros();
     PhantomSettings {
@@ -37,7 +37,7 @@ fn let_go() -> HandSettings {
     HandSettings { stylus_stiffness: zero, stylus_damping: zero, ..HandSettings::default() }
 }
 
-/// Orders of neighbouring errors under halved steps.
+/// Returns the orders of neighbouring errors under halved steps.
 fn orders(errors: &[f64]) -> Vec<f64> {
     errors.windows(2).map(|pair| (pair[0] / pair[1]).log2()).collect()
 }
@@ -46,7 +46,7 @@ fn plant(settings: &PhantomSettings, substeps: u32, target: TipPath) -> Plant {
     Plant { settings: PhantomSettings { substeps, ..*settings }, target }
 }
 
-/// A motion of 20 ticks: the target turns at ticks, the command changes with every one.
+/// Runs a motion of 20 ticks: the target turns at ticks, and the command changes with every tick.
 fn driven(settings: &PhantomSettings, substeps: u32) -> (Plant, PlantState) {
     let target = path(&[(0.0, [0.0; 3]), (0.008, [0.002, -0.001, 0.001]), (0.02, [-0.001, -0.003, 0.004])]);
     let plant = plant(settings, substeps, target);
@@ -63,7 +63,7 @@ fn distance(a: &PlantState, b: &PlantState) -> f64 {
     ((a.angles - b.angles).norm_squared() + (a.hand - b.hand).norm_squared()).sqrt()
 }
 
-/// Held by a hand without dampers, and let go: nothing takes energy.
+/// With a hand without dampers that holds and lets go, nothing takes energy.
 #[test]
 fn a_motion_without_friction_keeps_its_energy() {
     let names = [(let_go(), "let go"), (HandSettings::default(), "held")];
@@ -89,7 +89,7 @@ fn a_motion_without_friction_keeps_its_energy() {
             energies[3]
         );
         assert!((of_motion[2] - 4.0).abs() <= 0.1, "{name}: {of_motion:?}");
-        // The last one ends at rounding.
+        // The last order is affected by rounding.
         assert!(of_energy[1] >= 3.9, "{name}: {of_energy:?}");
     }
 }
@@ -111,16 +111,16 @@ fn the_whole_device_converges_with_order_4_and_keeps_its_books() {
     }
     let (of_motion, of_books) = (orders(&distances), orders(&books));
     println!(
-        "RESIDUAL | convergence | PHANTOM, held, driven: orders in the substep of motion, of the energy book | 0.1 | \
+        "RESIDUAL | convergence | PHANTOM, held, driven: orders in the substep of motion, of the energy balance | 0.1 | \
          {of_motion:.2?} {of_books:.2?} (10 substeps: {:.0e} m, {:.0e} of the work)",
         distances[0], books[0]
     );
     assert!((of_motion[2] - 4.0).abs() <= 0.1, "{of_motion:?} {distances:?}");
     assert!((of_books[2] - 4.0).abs() <= 0.1, "{of_books:?} {books:?}");
-    Worst::new("energy", "PHANTOM, 10 substeps: book, relative to work", 1e-6).check(books[0]);
+    Worst::new("energy", "PHANTOM, 10 substeps: energy balance, relative to work", 1e-6).check(books[0]);
 }
 
-/// The joints without friction give to the hand what the motors gave them and they do not keep.
+/// Without friction the joints pass to the hand the motors' energy that they do not keep.
 #[test]
 fn what_the_hand_gets_is_what_the_joints_give() {
     let worst = Worst::new("energy", "PHANTOM: energy to the hand, relative to its throughput", 1e-6);
@@ -143,7 +143,7 @@ fn amplifiers_lag_by_their_bandwidth() {
     worst.check((end.current - expected).norm() / expected.norm());
 }
 
-/// Motors, gravity and the hand's two springs in series.
+/// Static balance of motors, gravity and the hand's two springs in series.
 #[test]
 fn a_constant_force_is_balanced_by_the_hand() {
     let worst = Worst::new("algebra", "PHANTOM: static balance after 8 s, N", 1e-8);
@@ -157,7 +157,7 @@ fn a_constant_force_is_balanced_by_the_hand() {
         assert!((phantom.tip() - start).norm() <= 1e-15, "{}", phantom.tip());
         for tick in 0..8000 {
             phantom.advance(f64::from(tick) * TICK).expect("within the workspace");
-            // Later on the command is kept: at the edge between two counts a new one may go to and fro by a step.
+            // Later the command is constant: at the edge between two counts a new one may alternate by a step.
             if tick < 4000 {
                 phantom.command(&force);
             }
@@ -168,7 +168,7 @@ fn a_constant_force_is_balanced_by_the_hand() {
         let hand = settings.hand;
         let compliance = hand.stylus_stiffness.map(f64::recip) + hand.arm_stiffness.map(f64::recip);
         worst.check((tip_force(&angles, &torque) - displaced.component_div(&compliance)).norm());
-        // An encoder count turns the force by 1e-4, a step of the current is 2e-4 N.
+        // An encoder count turns the force by 1e-4, and a step of the current is 2e-4 N.
         let exerted = settings.axes.rotation.tr_mul(&tip_force(&angles, &settings.actuation.torque(&current)));
         assert!((exerted - force).norm() <= 2e-3, "{exerted} instead of {force}");
         ends.push(phantom.tip());
@@ -217,7 +217,7 @@ fn random_forces_and_paths_leave_it_finite_or_end_with_a_name() {
     assert!(outcomes.get()[0] > 10, "{outcomes:?}");
 }
 
-/// A hand that pulls the stylus out of reach.
+/// A hand pulls the stylus out of reach.
 #[test]
 fn a_limit_that_is_hit_is_named_with_its_time() {
     let away = path(&[(0.0, [0.0; 3]), (1.0, [0.0, 0.6, 0.0])]);
@@ -236,12 +236,12 @@ fn sustained_forces_warn_and_are_not_limited() {
     for tick in 1..=20_000 {
         let applied = phantom.command(&Vec3::new(0.0, 0.0, -2.0));
         assert!((applied.norm() - 2.0).abs() <= 1e-3 && !phantom.saturated());
-        // τ = 10 s.
+        // The time constant τ is 10 s.
         let expected = applied.norm() * -(-f64::from(tick) * TICK / 10.0).exp_m1();
         worst.check((phantom.mean_force_n() - expected).abs() / expected);
         assert_eq!(phantom.overheats(), phantom.mean_force_n() > 1.4);
         warned = warned.or(phantom.overheats().then_some(tick));
     }
-    // 10 s · ln(2/(2 − 1.4)).
+    // The time is 10 s · ln(2/(2 − 1.4)).
     assert!(warned.is_some_and(|tick| (12_000..12_080).contains(&tick)), "{warned:?}");
 }

@@ -1,4 +1,4 @@
-//! What goes to standard output when something else than text is asked for, and what is made for other programs.
+//! Standard output in other formats than text, and files for other programs.
 
 use std::collections::HashMap;
 use std::fs;
@@ -85,7 +85,7 @@ fn completions_and_manual_name_every_command() {
     }
 }
 
-/// The arrays of a `.vtu` file by name, as bytes.
+/// Returns the arrays of a `.vtu` file by name, as bytes.
 fn arrays(path: &Path) -> HashMap<String, Vec<u8>> {
     let text = fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     let parts = text.split("<DataArray ").skip(1);
@@ -117,7 +117,7 @@ fn frames_for_paraview_hold_the_run() {
     let list = fs::read_to_string(out.join("network.pvd")).expect("network.pvd");
     assert_eq!(list.matches("<DataSet").count(), 12, "a frame in 100 of 1200 ticks");
 
-    // Tick 900: slipping, in the tenth frame.
+    // Tick 900 is slipping and lies in the tenth frame.
     let row = fs::read_to_string(out.join("trace.csv")).expect("trace.csv");
     let row: Vec<&str> = row.lines().nth(901).expect("tick 900").split(',').collect();
     let number = |column: usize| row[column].parse::<f64>().expect("a number");
@@ -138,12 +138,12 @@ fn frames_for_paraview_hold_the_run() {
     corners.sort_by(f64::total_cmp);
     found.sort_by(f64::total_cmp);
     assert_eq!(found, corners);
-    // A node of the network that is at rest has no net force, and one that is touched moves.
+    // A node of the network at rest has no net force, and one in contact moves.
     let forces = doubles(&frame["force"]);
     assert!(forces.iter().all(|force| force.is_finite()) && forces.iter().any(|force| force.abs() > 1e-3));
 }
 
-/// While the contact sticks, the point that the weights make of the frame's nodes is the tip.
+/// While the contact sticks, the contact point from the frame's nodes and weights is at the tip.
 #[test]
 fn frames_for_paraview_have_the_nodes_where_the_tip_holds_them() {
     let folder = Folder::new("printed-vtk-stick");
@@ -159,7 +159,7 @@ fn frames_for_paraview_have_the_nodes_where_the_tip_holds_them() {
         (0..3).for_each(|axis| point[axis] += weight * x[axis]);
     }
     let off = (0..3).map(|axis| (point[axis] - q[axis]).powi(2)).sum::<f64>().sqrt();
-    // Round-off of positions of centimetres.
+    // The tolerance is round-off of positions of centimetres.
     println!("RESIDUAL | the held tip | contact point of a frame for ParaView, m | 1e-15 | {off:.1e}");
     assert!(off <= 1e-15, "{off:e} m");
 }

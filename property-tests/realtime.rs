@@ -1,10 +1,10 @@
-//! The servo loop against the clock. What it takes decides nothing here; what it does, does.
+//! The servo loop in real time. The tests check its behaviour, and none depends on its duration.
 #![cfg(all(feature = "realtime", target_os = "linux"))]
 
 use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 
-use stickslip::multirate::timeline::{Fate, OverrunPolicy};
+use stickslip::multirate::timeline::{DeadlineOutcome, OverrunPolicy};
 use stickslip::pipeline::Simulation;
 use stickslip::realtime::allocations::{self, Counting};
 use stickslip::realtime::channel::channel;
@@ -13,15 +13,15 @@ use stickslip::realtime::meter::{Meter, TickTimes};
 use stickslip::realtime::record::{Recorded, record};
 use stickslip::realtime::threads::{Obtained, Served, Window};
 use stickslip::scene::Scene;
-use stickslip::session::{RecordedPass, Replayed, Session, Why, replay};
-use stickslip::verify::certificate::causes::Cause;
+use stickslip::session::{RecordedPass, ReplayOutcome, ReplayReason, Session, replay};
+use stickslip::verify::certificate::causes::MissCause;
 use stickslip::verify::certificate::verdict::{Certificate, Circumstances, Verdict, WorstTick};
 use stickslip::verify::lateness::consequences;
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// One loop at a time: they share the last CPU.
+/// Allows one loop at a time: they share the last CPU.
 static TURN: Mutex<()> = Mutex::new(());
 
 fn scene(text: &str) -> Scene {
@@ -38,7 +38,7 @@ fn recorded(scene: &Scene) -> Recorded {
     record(scene, &AtomicBool::new(false)).expect("it starts")
 }
 
-fn again(session: &Session, pass: &RecordedPass) -> Replayed {
+fn again(session: &Session, pass: &RecordedPass) -> ReplayOutcome {
     let scene = session.scene().expect("it was one");
     replay(session.prepare(&scene, pass).expect("it starts"), pass, |_| ())
 }
@@ -56,7 +56,7 @@ fn a_run_in_real_time_is_done_again_bit_for_bit() {
         let pass = &run.session.passes[0];
         assert_eq!((pass.ticks, pass.tape.len()), (1200, 1200));
         assert_eq!(run.summary.window.lost_notes, 0, "the ring holds cycles; the global side was seconds late");
-        assert_eq!(again(&run.session, pass), Replayed::Same { fault: None }, "{text}");
+        assert_eq!(again(&run.session, pass), ReplayOutcome::Same { fault: None }, "{text}");
         assert!(!pass.times.arrivals.is_empty(), "no model ever arrived");
         if !text.is_empty() {
             assert!(!pass.times.late.is_empty(), "no response is as short as 3 µs");
@@ -69,26 +69,26 @@ fn a_recording_survives_its_file_and_betrays_what_was_changed() {
     let mut run = recorded(&scene(""));
     let text = serde_json::to_string(&run.session).expect("it can be written");
     let read: Session = serde_json::from_str(&text).expect("and read");
-    assert_eq!(again(&read, &read.passes[0]), Replayed::Same { fault: None });
+    assert_eq!(again(&read, &read.passes[0]), ReplayOutcome::Same { fault: None });
 
     let pass = &mut run.session.passes[0];
     let tick = pass.tape.iter().rposition(|taped| taped.force[2] != 0.0).unwrap_or(0);
     let whole = pass.clone();
     pass.tape[tick].force[2] = f64::from_bits(pass.tape[tick].force[2].to_bits() ^ 1);
     let changed = pass.clone();
-    assert_eq!(again(&run.session, &changed), Replayed::Differs { tick: Some(tick as u64) });
+    assert_eq!(again(&run.session, &changed), ReplayOutcome::Differs { tick: Some(tick as u64) });
 
-    // Without a tape the checksum tells.
+    // Without a tape the checksum detects it.
     let mut untaped = whole.clone();
     untaped.tape.clear();
-    assert_eq!(again(&run.session, &untaped), Replayed::Same { fault: None });
+    assert_eq!(again(&run.session, &untaped), ReplayOutcome::Same { fault: None });
     untaped.checksum = "0000000000000000".to_owned();
-    assert_eq!(again(&run.session, &untaped), Replayed::Differs { tick: None });
+    assert_eq!(again(&run.session, &untaped), ReplayOutcome::Differs { tick: None });
 
-    // A model that never came makes other forces.
+    // A missing model changes the forces.
     let mut lost = whole.clone();
     lost.times.arrivals.remove(0);
-    assert!(matches!(again(&run.session, &lost), Replayed::Differs { tick: Some(_) }));
+    assert!(matches!(again(&run.session, &lost), ReplayOutcome::Differs { tick: Some(_) }));
 }
 
 #[test]
@@ -98,7 +98,7 @@ fn the_servo_thread_allocates_nothing_in_its_window() {
         assert_eq!(window.allocations, Some(0));
         println!("RESIDUAL | servo thread | page faults in the window | 0 | {}", window.page_faults);
     }
-    // The counter counts.
+    // The allocation counter does count.
     let before = allocations::on_this_thread().expect("this test has the counting allocator");
     drop(std::hint::black_box(Box::new(1)));
     assert_eq!(allocations::on_this_thread(), Some(before + 2));
@@ -125,17 +125,17 @@ fn a_fault_ends_the_loop_and_comes_again() {
     assert!(pass.ticks < 1200, "it runs away");
     let recorded = pass.fault.clone().expect("it is kept");
     match again(&run.session, pass) {
-        Replayed::Same { fault: Some(fault) } => assert_eq!(fault.to_string(), recorded),
+        ReplayOutcome::Same { fault: Some(fault) } => assert_eq!(fault.to_string(), recorded),
         other => panic!("{other:?}"),
     }
-    // Without its fault it is another run: one that should have gone on.
+    // Without its fault it is another run: one that should have continued.
     let mut cut = pass.clone();
     cut.fault = Some("another".to_owned());
-    assert!(matches!(again(&run.session, &cut), Replayed::Ended { .. }));
+    assert!(matches!(again(&run.session, &cut), ReplayOutcome::Ended { .. }));
     assert_eq!(run.session.overrun, OverrunPolicy::Hold);
 }
 
-/// A loop whose ticks took this: release, response, CPU time, in ns.
+/// Builds a loop with given release, response and CPU time of its ticks, in ns.
 fn served(ticks: impl Iterator<Item = [u64; 3]> + Clone, deadline_ns: u64, policy: &'static str) -> Served {
     let mut meter = Meter::new(ticks.clone().count() as u64, deadline_ns);
     for (tick, [release_ns, response_ns, cpu_ns]) in (0..).zip(ticks) {
@@ -154,7 +154,7 @@ fn served(ticks: impl Iterator<Item = [u64; 3]> + Clone, deadline_ns: u64, polic
 }
 
 fn worst(cold_ns: u64) -> WorstTick {
-    let why = Why::MostCpuTime;
+    let why = ReplayReason::MostCpuTime;
     WorstTick { pass: 0, tick: 5, why, times: None, warm_ns: [1000, 1200], cold_ns: [cold_ns, cold_ns] }
 }
 
@@ -187,7 +187,7 @@ fn verdicts_follow_from_what_was_measured() {
     let late_at = |at: u64, cpu: u64| move |tick| if tick == at { [30_000, 1_500_000, cpu] } else { quiet(tick) };
     let one_late = served((0..5000).map(late_at(77, 6_000)), DEADLINE_NS, "SCHED_FIFO");
     assert_eq!(judge(&one_late), (Pass, Fail));
-    // On the deadline is in time, a nanosecond later is not.
+    // A response on the deadline is in time, and one a nanosecond later is not.
     let exactly =
         |ns| served((0..5000).map(move |t| if t == 7 { [0, ns, 9] } else { quiet(t) }), DEADLINE_NS, "SCHED_FIFO");
     assert_eq!(judge(&exactly(DEADLINE_NS)).1, Pass);
@@ -202,13 +202,13 @@ fn verdicts_follow_from_what_was_measured() {
     assert_eq!(judge(&with(Some(1))).0, Fail);
     assert_eq!(judge(&with(None)).0, Inconclusive);
 
-    // Slow once is not slow: done again, the tick tells.
+    // A tick that is slow once does not fail; one that is slow when repeated does.
     let much_cpu = served((0..5000).map(late_at(77, 1_400_000)), DEADLINE_NS, "SCHED_FIFO");
     assert_eq!(judge(&much_cpu).0, Inconclusive);
     assert_eq!(verdicts(&judged(&much_cpu, vec![worst(1_100_000)], true)).0, Fail);
     assert_eq!(verdicts(&judged(&quiet_loop(), vec![worst(9_000)], false)).0, Fail);
 
-    // Other forces, where the global side saw another path than was gone: that says nothing of the program.
+    // Different forces from a path with gaps on the global side do not count against the program.
     let lossy = |allocations| {
         let window = Window { allocations: Some(allocations), lost_notes: 3, ..Window::default() };
         judged(&Served { window, ..quiet_loop() }, vec![worst(9_000)], false)
@@ -224,10 +224,10 @@ fn verdicts_follow_from_what_was_measured() {
 #[test]
 fn misses_are_counted_exactly_and_explained_one_by_one() {
     let ticks = |tick: u64| match tick {
-        // Released late; the one after it follows from it.
+        // This tick is released late, and the next one follows from it.
         100 => [1_800_000, 1_805_000, 5_000],
         101 => [1_200_000, 1_205_000, 5_000],
-        // Off the CPU in the middle.
+        // This tick is off the CPU in the middle.
         2000 => [20_000, 2_000_000, 6_000],
         _ => quiet(tick),
     };
@@ -235,10 +235,10 @@ fn misses_are_counted_exactly_and_explained_one_by_one() {
     let platform = &certificate.platform;
     assert_eq!((platform.misses, platform.longest_miss_run, platform.skipped), (3, 2, 0));
     assert_eq!(platform.response_ns.max, 2_000_000);
-    let causes: Vec<(u64, Cause)> = certificate.misses.iter().map(|miss| (miss.times.tick, miss.cause)).collect();
-    assert_eq!(causes[..2], [(100, Cause::Release), (101, Cause::Release)]);
-    // Whether something took the CPU away is read from the counters of this very thread.
-    assert!(matches!(causes[2..], [(2000, Cause::Unknown | Cause::Preempted)]), "{causes:?}");
+    let causes: Vec<(u64, MissCause)> = certificate.misses.iter().map(|miss| (miss.times.tick, miss.cause)).collect();
+    assert_eq!(causes[..2], [(100, MissCause::Release), (101, MissCause::Release)]);
+    // Whether something else took the CPU is read from the counters of this very thread.
+    assert!(matches!(causes[2..], [(2000, MissCause::Unknown | MissCause::Preempted)]), "{causes:?}");
     let bound = certificate.miss_rate.ticks.as_ref().expect("there are ticks");
     assert!(bound.estimate < bound.upper && bound.upper < 0.01);
     // Quantiles have three digits.
@@ -249,17 +249,17 @@ fn misses_are_counted_exactly_and_explained_one_by_one() {
 #[test]
 fn a_ring_that_is_full_counts_what_it_loses_and_waits_for_nobody() {
     let simulation = Simulation::prepare(&scene("")).expect("it starts");
-    let keep = simulation.keeps();
+    let keep = simulation.recording();
     let mut servo = simulation.into_sides().servo;
     let nodes = servo.local().model().patch.nodes.clone();
     let (mut up, mut down) = channel(10, keep, &nodes);
     up.begin_pass(0, &servo);
     for _ in 0..500 {
-        servo.tick(Fate::OnTime).expect("no fault");
+        servo.tick(DeadlineOutcome::OnTime).expect("no fault");
         up.end_tick(&servo);
     }
     assert!(up.lost() > 0);
-    // What did get in comes out in order, cycle by cycle.
+    // The notes that fitted come out in order, cycle by cycle.
     let boundaries: Vec<u64> = std::iter::from_fn(|| down.next_cycle()).map(|(boundary, _)| boundary).collect();
     assert!(boundaries.len() >= 4, "{boundaries:?}");
     assert!((1..).zip(&boundaries).all(|(n, &boundary)| boundary == 10 * n), "{boundaries:?}");

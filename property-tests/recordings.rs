@@ -1,10 +1,10 @@
-//! Real time from outside: `certify`, `run` of a scene with `schedule = "threads"`, `replay`.
+//! Real time by the command line: `certify`, `run` of a scene with `schedule = "threads"`, `replay`.
 
 use serde_json::Value;
 
 use super::{Folder, stickslip};
 
-/// What a verdict is depends on the machine; what a certificate holds does not.
+/// The verdict depends on the machine; the contents of a certificate do not.
 #[test]
 fn certify_measures_judges_and_leaves_what_can_be_done_again() {
     let folder = Folder::new("certify");

@@ -1,4 +1,4 @@
-//! The report from outside: one page, what failed on top, and a view that shows what the run did.
+//! The report as a file: one page, failures on top, and a view that shows the run.
 
 use std::fs;
 use std::path::Path;
@@ -11,13 +11,13 @@ use stickslip::scene::{SHIPPED, Scene};
 
 use super::{Folder, GOOD, stderr, stickslip};
 
-/// What a report left: its page and its numbers.
+/// Page and numbers of a report.
 fn left(out: &Path) -> (String, Value) {
     let json = fs::read_to_string(out.join("report.json")).expect("numbers");
     (fs::read_to_string(out.join("index.html")).expect("a page"), serde_json::from_str(&json).expect("JSON"))
 }
 
-/// A page without what is in its scripts, and these.
+/// Page without the contents of its scripts, and those contents.
 fn apart(page: &str) -> (String, Vec<&str>) {
     let mut pieces = page.split("<script");
     let mut rest = pieces.next().unwrap_or_default().to_owned();
@@ -31,7 +31,7 @@ fn apart(page: &str) -> (String, Vec<&str>) {
     (rest, scripts)
 }
 
-/// The runs in the 3-D view.
+/// Returns the runs in the 3-D view.
 fn viewed(page: &str) -> Vec<Value> {
     let (_, scripts) = apart(page);
     let runs: Value = serde_json::from_str(scripts[0]).expect("JSON of the view");
@@ -46,7 +46,7 @@ fn the_report_is_one_page_that_needs_nothing_else() {
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let (page, json) = left(&out);
     assert!(page.len() < 6_000_000, "{} bytes", page.len());
-    // One for each scene, and that of the elasticity.
+    // There is one figure for each scene, and that of the elasticity.
     assert_eq!(page.matches("<svg").count(), SHIPPED.len() + 1);
     assert_eq!(json["runs"].as_array().expect("runs").len(), SHIPPED.len());
     assert_eq!(viewed(&page).len(), SHIPPED.len());
@@ -68,8 +68,8 @@ fn the_report_is_one_page_that_needs_nothing_else() {
     let table = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(table.contains("fault, as expected") && !table.contains("UNEXPECTED"), "{table}");
 
-    // In a quick report meshes of two sizes: 2 lattices, 5 kinds of tetrahedra by 2 formulas, 6 quantities each.
-    assert!(text.contains("id=\"elasticity\"") && text.contains("leaves out the finest meshes"));
+    // A quick report has meshes of two sizes: 2 lattices, 5 kinds of tetrahedra by 2 formulas, 6 quantities each.
+    assert!(text.contains("id=\"elasticity\"") && text.contains("omits the finest meshes"));
     let rows = json["elasticity"].as_array().expect("rows");
     assert_eq!(rows.len(), 2 * (2 + 2 * 5) * 6);
     for row in rows {
@@ -90,9 +90,9 @@ fn what_failed_is_on_top() {
     let folder = Folder::new("report-fails");
     let out = folder.path("out");
     let fault = include_str!("../fixtures/scenes/deep-stick-slip-faceted.toml");
-    // Of a scene of one's own no fault is expected.
+    // For a user's scene no fault is expected.
     let fault = folder.write("fault.toml", &fault.replacen("deep-stick-slip-faceted", "my-fault", 1));
-    // From a folder of its own: where this one is, an earlier `reference/verify` may have left its cross-check.
+    // It runs in its own folder: an earlier `reference/verify` may have left its cross-check in the current one.
     let output = assert_cmd::Command::new(assert_cmd::cargo::cargo_bin!("stickslip"))
         .current_dir(folder.path(""))
         .args(["report", "fig5-stick-slip", &fault.display().to_string(), "--out", &out.display().to_string()])
@@ -110,7 +110,7 @@ fn what_failed_is_on_top() {
     assert_eq!(viewed(&page)[1]["outcome"], "fault, UNEXPECTED");
 }
 
-/// The tip sticks to a point of the surface: the view has to show them in the same place.
+/// The tip sticks to a point of the surface: the view has to show both in one place.
 #[test]
 fn the_view_shows_the_surface_where_the_tip_holds_it() {
     let folder = Folder::new("report-view");
@@ -124,7 +124,7 @@ fn the_view_shows_the_surface_where_the_tip_holds_it() {
     let rows: Vec<Vec<&str>> = trace.lines().map(|line| line.split(',').collect()).collect();
     let column = |name: &str| rows[0].iter().position(|head| *head == name).expect("a column");
     let number = |row: &[&str], name: &str| row[column(name)].parse::<f64>().expect("a number");
-    // Rounding by half a step along each axis.
+    // The tolerance is rounding by half a step along each axis.
     let tolerance = run["step_m"].as_f64().expect("a step");
     let (mut largest, mut sticking, mut furthest): (f64, usize, f64) = (0.0, 0, 0.0);
     for (frame, time) in run["time_s"].as_array().expect("times").iter().enumerate() {
@@ -146,7 +146,7 @@ fn the_view_shows_the_surface_where_the_tip_holds_it() {
             off += (point - tip).powi(2);
         }
         let off = off.sqrt();
-        // Written so that NaN counts.
+        // Written so that NaN is counted.
         largest = if off <= largest { largest } else { off };
         sticking += 1;
         furthest = furthest.max(tip[2].abs());
@@ -156,7 +156,7 @@ fn the_view_shows_the_surface_where_the_tip_holds_it() {
     assert!(largest <= tolerance);
 }
 
-/// Decoded as the page's script does it.
+/// Decodes as the page's script does.
 struct Positions {
     origin: Vec<f64>,
     step: f64,
@@ -200,7 +200,7 @@ fn a_larger_run_has_fewer_frames_or_none() {
         recorder.finish()
     };
     let all = frames(usize::MAX).expect("frames");
-    // 60 in a second, by whole ticks, at most.
+    // The limit is 60 frames in a second, at whole ticks.
     assert_eq!(all.time_s.len(), 71);
     let bytes = 2 * (all.first.len() + all.positions.len());
     let half = frames(bytes / 2).expect("frames");
@@ -223,7 +223,7 @@ fn the_last_cross_check_is_shown_where_there_is_one() {
         }
         let mut program = Command::new(assert_cmd::cargo::cargo_bin!("stickslip"));
         let output = program.args(["report", "tiny.toml"]).current_dir(folder.path("")).output().expect("it runs");
-        // An earlier run does not decide over this one.
+        // An earlier run does not decide this one's verdict.
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
         left(&folder.path("reports"))
     };

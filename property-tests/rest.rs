@@ -1,4 +1,4 @@
-//! At rest after a poke: nothing subnormal is left to slow arithmetic down.
+//! Rest after a poke: no subnormal numbers remain, which would slow arithmetic down.
 
 use stickslip::contact::simulation::LocalSimulation;
 use stickslip::pipeline;
@@ -11,16 +11,16 @@ use stickslip::model::state::ExternalForce;
 
 use crate::check::scene;
 
-/// Numbers that a processor handles in microcode, in everything a tick reads and writes.
+/// Counts the numbers that a processor handles in microcode, in all data that a tick reads and writes.
 fn subnormals(local: &LocalSimulation) -> usize {
     let state = local.state();
     let arrays = [&state.x, &state.v, &state.f, &state.x_predicted, &state.v_predicted];
     arrays.into_iter().flatten().flat_map(|v| v.iter()).filter(|c| c.is_subnormal()).count()
 }
 
-/// 60 s after a poke nothing a tick reads or writes is subnormal. Round-off in the lengths of springs
-/// mostly sees to that by itself, so this scene passes without the rule as well; that the rule is
-/// there is what [`a_node_under_drag_comes_to_rest`] shows. The clock is left to the benches.
+/// 60 s after a poke no number that a tick reads or writes is subnormal. Round-off in the lengths of springs
+/// mostly ensures it by itself, so this scene passes without the rule as well; the presence of the rule is
+/// shown by [`a_node_under_drag_comes_to_rest`]. Times are measured by the benches.
 #[test]
 fn nothing_subnormal_is_left_60_s_after_a_poke() {
     for local in ["rings = 1", "linearization = \"none\"", "model = \"full\""] {
@@ -56,7 +56,7 @@ fn nothing_subnormal_is_left_60_s_after_a_poke() {
     }
 }
 
-/// Drag alone: speed falls by two per cent a millisecond, and without rest it would stay subnormal
+/// Under drag alone speed falls by two per cent a millisecond, and without the rule it would stay subnormal
 /// for good.
 #[test]
 fn a_node_under_drag_comes_to_rest() {

@@ -1,4 +1,4 @@
-//! Starting in equilibrium under gravity.
+//! Start in equilibrium under gravity.
 
 use stickslip::Vec3;
 use stickslip::dynamics::settle::{RESIDUAL, ROUND_OFF, SettleError, settle};
@@ -18,7 +18,7 @@ fn gravity(g: Vec3) -> Vec<ExternalForce> {
     vec![ExternalForce::Gravity(g)]
 }
 
-/// Nodes below each other, the first fixed.
+/// Builds a vertical chain of nodes, the first fixed.
 fn chain(g: Vec3) -> Network {
     let count = 8_u32;
     let nodes: Vec<Vec3> = (0..count).map(|i| Vec3::z() * (-0.1 * f64::from(i))).collect();
@@ -30,11 +30,11 @@ fn chain(g: Vec3) -> Network {
     Network::from_parts(nodes, mass, fixed, &springs, gravity(g))
 }
 
-/// A spring of a chain is longer by the weight below it over k, however far that is. Sideways the chain has no
-/// stiffness at rest, so the exact tangent is singular there. Under a slanted gravity it swings to where that points.
+/// A spring of a chain is longer by the weight below it over k, however far that is. Laterally the chain has no
+/// stiffness at rest, so the exact tangent is singular there. Under a slanted gravity it swings to its direction.
 #[test]
 fn a_hanging_chain_is_as_long_as_its_springs_make_it() {
-    // Forces to 1e-12 of the largest weight over springs of 20 N/m and more, added up down the chain. Measured: 2e-16.
+    // Forces to 1e-12 of the largest weight over springs of 20 N/m and more, summed down the chain. Measured: 2e-16.
     let worst = Worst::new("closed form", "places in a hanging chain, relative to its length", 1e-14);
     for g in [Vec3::z() * -G, Vec3::new(3.0, -1.0, -9.0)] {
         let network = chain(g);
@@ -48,7 +48,7 @@ fn a_hanging_chain_is_as_long_as_its_springs_make_it() {
     }
 }
 
-/// 16 mm of sag over 10 cm, or 0.02 mm.
+/// Builds a bar of 10 cm, which sags by 16 mm or by 0.02 mm.
 fn bar(settle: bool, young_modulus: f64, local: &str) -> Scene {
     scene(&format!(
         r#"
@@ -80,12 +80,12 @@ fn prepared(scene: &Scene) -> Simulation {
 
 #[test]
 fn a_settled_bar_is_in_equilibrium_and_near_its_closed_form() {
-    // The stated tolerance: of the weight, or of k L where rounding leaves more. Measured: 4e-13.
+    // The stated tolerance, relative to the weight, or to k L where rounding leaves more. Measured: 4e-13.
     let left = Worst::new("equilibrium", "largest force left on a node, of what may be, times 1e-12", RESIDUAL);
-    // Nonlinear: the difference from the linear answer is of the order of the strain, 2 % and 2e-5 here. Measured:
+    // Nonlinear: the difference from the linear result is of the order of the strain, 2 % and 2e-5 here. Measured:
     // 0.44.
     let linear = Worst::new("linear statics", "settled displacements, over the strain", 1.5);
-    // The clamped end may not contract, and is stiffer over a part of the width, which is 3/8 of the length.
+    // The clamped end cannot contract, and is stiffer over a part of the width, which is 3/8 of the length.
     // Measured: 0.034.
     let sag = Worst::new("closed form", "sag of a bar against ρgL²/2E, relative", 0.06);
     for young_modulus in [5e4, 5e7] {
@@ -113,7 +113,7 @@ fn a_settled_bar_is_in_equilibrium_and_near_its_closed_form() {
     }
 }
 
-/// Largest speed of a node of the local model in a run, m/s.
+/// Returns the largest speed of a node of the local model in a run, m/s.
 fn fastest(scene: &Scene) -> f64 {
     let mut fastest = 0.0_f64;
     let end = pipeline::run(scene, |view| {
@@ -126,7 +126,7 @@ fn fastest(scene: &Scene) -> f64 {
 
 #[test]
 fn a_settled_scene_stays_still_and_an_unsettled_one_swings() {
-    // What a force of 1e-12 of the weight moves, g·1e-12/ω, and rounding. Measured: 3e-14.
+    // Motion by a force of 1e-12 of the weight, g·1e-12/ω, and rounding. Measured: 3e-14.
     let still = Worst::new("equilibrium", "largest speed in a settled run, m/s", 1e-12);
     for local in ["model = \"full\"", "rings = 1", "exterior = \"condensed\"", "integrator = \"implicit-euler\""] {
         let implicit = local.contains("integrator");
@@ -144,7 +144,7 @@ fn a_settled_scene_stays_still_and_an_unsettled_one_swings() {
     }
 }
 
-/// The surface that the tip must be outside of is the settled one: 10 mm lower than at rest, or beneath the tip.
+/// The tip must be outside of the settled surface: 10 mm lower than at rest, or beneath the tip.
 #[test]
 fn the_tip_starts_outside_of_the_settled_surface() {
     let standing = |settle: bool, z: f64| {
@@ -185,7 +185,7 @@ fn what_cannot_settle_is_refused() {
     assert!(matches!(refused, Err(SettleError::NotSettled { .. })), "{refused:?}");
 }
 
-/// Upside down, a chain that stands on its fixed end is in unstable equilibrium: it falls over, and hangs.
+/// A chain that stands on its fixed end is in unstable equilibrium: it falls over, and hangs.
 #[test]
 fn a_standing_chain_falls_over() {
     let network = chain(Vec3::new(0.01, 0.0, G));

@@ -1,5 +1,5 @@
-//! The predicted limit of an explicit step against the spectral radius of the one-step matrix, and
-//! against what happens.
+//! The predicted stability-limit time step of explicit integration compared with the spectral radius of the one-step
+//! matrix, and with simulations.
 
 use nalgebra::DMatrix;
 use stickslip::Vec3;
@@ -30,7 +30,7 @@ fn network(damping: f64, drag: f64) -> Network {
     Network::new(&mesh, &material, (0..count).map(|i| block.is_bottom(i)).collect()).expect("a value for each node")
 }
 
-/// Largest |eigenvalue| of one step of semi-implicit Euler over the free nodes.
+/// Returns the largest |eigenvalue| of one step of semi-implicit Euler over the free nodes.
 fn spectral_radius(network: &Network, h: f64) -> f64 {
     let (k, d) = dense_jacobian(network);
     let free: Vec<usize> = (0..k.nrows()).filter(|i| !network.fixed[i / 3]).collect();
@@ -60,7 +60,7 @@ fn spectral_radius(network: &Network, h: f64) -> f64 {
 
 #[test]
 fn predicted_limit_is_where_the_spectral_radius_reaches_one() {
-    // Power iteration's Rayleigh quotient after 400 steps, and the width of the bracket. Measured:
+    // Tolerance of power iteration's Rayleigh quotient after 400 steps, and the width of the bracket. Measured:
     // the bracket holds at 1e-5.
     let bracket = 1e-4;
     for (damping, drag) in [(0.0, 0.0), (0.5, 0.0), (0.5, 0.4), (3.0, 0.0)] {
@@ -80,7 +80,7 @@ fn predicted_limit_is_where_the_spectral_radius_reaches_one() {
 
 #[test]
 fn proportional_damping_has_its_closed_form() {
-    // ω_max of the power iteration against that of a dense eigenvalue. Measured: 3e-12.
+    // ω_max of the power iteration compared with that of a dense eigenvalue. Measured: 3e-12.
     let worst = Worst::new("closed form", "2(√(1+ζ²)-ζ)/ω_max, relative", 3e-11);
     for damping in [0.0, 0.5, 3.0] {
         let network = network(damping, 0.0);
@@ -96,7 +96,7 @@ fn proportional_damping_has_its_closed_form() {
     }
 }
 
-/// What the limit promises: a poke dies out just below it and grows just above.
+/// A poke decays just below the limit and grows just above it.
 #[test]
 fn the_limit_separates_decay_from_growth() {
     let network = network(0.5, 0.0);
@@ -115,11 +115,11 @@ fn the_limit_separates_decay_from_growth() {
     assert!(!(above < 1e-3), "just above: {above:e}");
 }
 
-/// The running local model against its one-step matrix, free and held, at the ends of every axis. The
+/// The running local model compared with its one-step matrix, free and held, at the ends of every axis. The
 /// program measures all of them.
 #[test]
 fn local_models_are_stable_up_to_the_predicted_step() {
-    // Bisection to 7e-4, and growth that has to show within 1000 ticks.
+    // The tolerance covers bisection to 7e-4, and growth that has to show within 1000 ticks.
     let worst = Worst::new("one-step matrix", "longest stable step, measured over predicted, minus 1", TOLERANCE);
     let cases = [
         ("law = \"sticking\"", &LocalIntegrator::ALL[..1]),
@@ -159,7 +159,7 @@ fn local_models_are_stable_up_to_the_predicted_step() {
     }
 }
 
-/// A tip above what does not yield has no map, and says why.
+/// A tip above rigid ground has no map, and the error states why.
 #[test]
 fn a_scene_without_a_patch_to_press_says_so() {
     let mut scene = small_scene("law = \"sticking\"", "rings = 1", PRESS);

@@ -1,4 +1,4 @@
-//! The basis functions of the Loop limit surface.
+//! Basis functions of the Loop limit surface.
 
 use std::collections::HashMap;
 
@@ -11,7 +11,7 @@ use stickslip::verify::residual::largest;
 
 use crate::check::{Worst, runner};
 
-/// A surface with positions.
+/// Surface with positions.
 struct Sheet {
     surface: Surface,
     x: Vec<Vec3>,
@@ -25,7 +25,7 @@ impl Sheet {
         Self { surface, x, limit }
     }
 
-    /// Value and derivatives of the surface.
+    /// Returns value and derivatives of the surface.
     fn point(&self, triangle: u32, weights: [f64; 3]) -> [Vec3; 6] {
         self.sum(triangle, &self.limit.jet(triangle, weights))
     }
@@ -45,7 +45,7 @@ impl Sheet {
     }
 }
 
-/// An open sheet of the regular lattice with a wavy height, its triangles renumbered in their corners
+/// Builds an open sheet of the regular lattice with a wavy height, its triangles' corners rotated
 /// by `turn`.
 fn lattice(size: usize, turn: usize, height: impl Fn(f64, f64) -> f64) -> Sheet {
     let at = |i: usize, j: usize| (j * (size + 1) + i) as u32;
@@ -71,7 +71,7 @@ fn wave(a: f64, b: f64) -> f64 {
     0.3 * (1.3 * a).sin() + 0.2 * (0.7 * a - 1.1 * b).cos()
 }
 
-/// A fan of n triangles around a vertex, with two more rings, closed off below: one vertex of valence n.
+/// Builds a fan of n triangles around a vertex of valence n, with two more rings, closed below.
 fn fan(n: usize, bend: f64) -> Sheet {
     let mut x = vec![Vec3::new(0.0, 0.0, bend)];
     let rings = 4;
@@ -103,14 +103,14 @@ fn fan(n: usize, bend: f64) -> Sheet {
     Sheet::new(x, triangles)
 }
 
-/// A dented block: closed, with vertices of three to six and more neighbours.
+/// Builds a dented block: closed, with vertices of three to six and more neighbours.
 fn block() -> Sheet {
     let mesh = Block { nodes: [5, 4, 3], spacing: 0.25, stencil: Stencil::Shear }.mesh();
     let x = mesh.nodes.iter().map(|p| p + Vec3::new(wave(p.y, p.z), wave(p.z, p.x), wave(p.x, p.y)) * 0.2).collect();
     Sheet::new(x, mesh.triangles)
 }
 
-/// A fin of one strip of triangles: every vertex on the border, some with a single triangle.
+/// Builds a fin of one strip of triangles: every vertex is on the border, some with a single triangle.
 fn strip() -> Sheet {
     let x: Vec<Vec3> =
         (0..8).map(|i| Vec3::new(f64::from(i / 2), f64::from(i % 2), 0.1 * f64::from(i * i % 5))).collect();
@@ -132,7 +132,7 @@ fn sheets() -> Vec<(&'static str, Sheet)> {
     sheets
 }
 
-/// Anywhere in a triangle, and often near its corners and edges.
+/// Barycentric coordinates anywhere in a triangle, often near its corners and edges.
 fn weights() -> impl Strategy<Value = [f64; 3]> {
     let near = (0.0..1.0_f64, 0.0..1.0_f64, 0.0..14.0_f64, 0..3_usize).prop_map(|(a, b, decades, corner)| {
         let r = 10.0_f64.powf(-decades);
@@ -149,9 +149,9 @@ fn weights() -> impl Strategy<Value = [f64; 3]> {
 
 #[test]
 fn weights_sum_to_one_and_derivatives_to_zero() {
-    // Derivatives are small near a vertex with few neighbours and large near one with many: measured
-    // relative to the first derivatives, second ones also to the distance from the corner over which
-    // those change. Measured: 4e-16 and 5e-15.
+    // Derivatives are small near a vertex with few neighbours and large near one with many: residuals are
+    // relative to the first derivatives, those of second ones also to the distance from the corner over which
+    // they change. Measured: 4e-16 and 5e-15.
     let one = Worst::new("subdivision", "sum of weights - 1", 1e-14);
     let zero = Worst::new("subdivision", "sum of derivatives, relative", 5e-14);
     let sheets = sheets();
@@ -163,7 +163,7 @@ fn weights_sum_to_one_and_derivatives_to_zero() {
             let sum = |k: usize| jet.entries().iter().map(|entry| entry[k]).sum::<f64>();
             let size = |k: usize| jet.entries().iter().map(|entry| entry[k].abs()).sum::<f64>();
             one.case((sum(0) - 1.0).abs())?;
-            // Loop's basis functions are nowhere negative.
+            // Loop's basis functions are non-negative everywhere.
             prop_assert!(jet.entries().iter().all(|entry| entry[0] >= -1e-15));
             let first = size(1) + size(2);
             let from_corner = 1.0 - w.into_iter().fold(0.0, f64::max);
@@ -197,11 +197,11 @@ fn linear_functions_are_reproduced() {
     run.unwrap();
 }
 
-/// Every derivative against central differences of the one below it.
+/// Every derivative compared with central differences of the one below it.
 #[test]
 fn derivatives_are_those_of_the_values() {
-    // Differences over 1e-5: their truncation is 1e-10 times third derivatives, which grow near vertices
-    // that are not regular; hence away from corners. Measured: 5e-10 and 5e-9.
+    // Differences over 1e-5 have a truncation of 1e-10 times third derivatives, which grow near irregular
+    // vertices; hence the points are away from corners. Measured: 5e-10 and 5e-9.
     let first = Worst::new("subdivision", "first derivatives - differences", 1e-8);
     let second = Worst::new("subdivision", "second derivatives - differences", 1e-8);
     let sheets = sheets();
@@ -211,7 +211,7 @@ fn derivatives_are_those_of_the_values() {
             let (_, sheet) = s.get(&sheets);
             let t = t.index(sheet.surface.triangles.len()) as u32;
             let h = 1e-5;
-            // The patches inside an irregular triangle are joined with C²: no differences across.
+            // The patches inside an irregular triangle are joined with C² only: no differences cross them.
             let grid = [b, g, 1.0 - b - g].map(|w| (w * 64.0 - (w * 64.0).round()).abs() / 64.0);
             prop_assume!(grid.iter().all(|&d| d > 4.0 * h));
             let at = |db: f64, dg: f64| sheet.point(t, [1.0 - b - db - g - dg, b + db, g + dg]);
@@ -225,7 +225,7 @@ fn derivatives_are_those_of_the_values() {
     run.unwrap();
 }
 
-/// One step of Loop's scheme on a whole mesh, written on its own: (2.) vertices, edges, triangles.
+/// Refines a whole mesh by one step of Loop's scheme, written separately: (2.) vertices, edges, triangles.
 fn refine(x: &[Vec3], triangles: &[[u32; 3]]) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let mut apexes: HashMap<(u32, u32), Vec<u32>> = HashMap::new();
     for t in triangles {
@@ -272,8 +272,8 @@ fn refine(x: &[Vec3], triangles: &[[u32; 3]]) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     (fine, children.collect())
 }
 
-/// The surface is what repeated subdivision of the whole mesh converges to: refined once or twice, it
-/// is the same surface.
+/// The surface is the limit of repeated subdivision of the whole mesh: refined once or twice, it
+/// does not change.
 #[test]
 fn refining_the_mesh_does_not_change_the_surface() {
     // Exact but for round-off, since both are evaluated in the limit. Measured: 2e-15 of coordinates up to 6.
@@ -304,7 +304,7 @@ fn refining_the_mesh_does_not_change_the_surface() {
     }
 }
 
-/// Vertices of a mesh refined k times go to the surface as 4⁻ᵏ.
+/// Vertices of a mesh refined k times converge to the surface as 4⁻ᵏ.
 #[test]
 fn control_meshes_converge_to_the_surface() {
     for (name, sheet) in sheets() {
@@ -326,14 +326,14 @@ fn control_meshes_converge_to_the_surface() {
             errors.push(distance);
         }
         let order = (errors[3] / errors[4]).log2();
-        // The eigenvalue of the symmetric part that is left when the limit is taken away: 1/4 for a regular
+        // The factor is the eigenvalue of the symmetric part without the limit: 1/4 for a regular
         // vertex, 1/16 for one with three neighbours, up to 0.4 for nine.
         println!("RESIDUAL | subdivision | {name}: order of k-fold refinement | 1..4.1 | {order:.2}");
         assert!((1.0..=4.1).contains(&order), "{name}: {errors:?}");
     }
 }
 
-/// Points on both sides of every shared edge, at equal distance from it in the dyadic parameters.
+/// Pairs of points on both sides of every shared edge, at equal distance from it in the dyadic parameters.
 fn across_edges(sheet: &Sheet, mut compare: impl FnMut(u32, [f64; 3], u32, [f64; 3])) {
     for (t, neighbors) in sheet.surface.neighbors.iter().enumerate() {
         for (opposite, neighbor) in neighbors.iter().enumerate() {
@@ -363,11 +363,12 @@ fn tangent_planes_agree_across_every_edge() {
     }
 }
 
-/// At a vertex all its triangles have one tangent plane: from 1e-6 away, and at the vertex itself.
+/// At a vertex all its triangles have one tangent plane: at 1e-6 from it, and at the vertex itself.
 #[test]
 fn tangent_planes_agree_around_every_vertex() {
     // Loop's surface is C¹ at extraordinary vertices. At 1e-6 of an edge the normals may still differ as
-    // (1e-6)^s with s = log(μ/λ) / log ½, 0.3 or more up to nine neighbours, times the bend of the mesh. Measured: 8e-4, and 1.4e-7 at 2^-48.
+    // (1e-6)^s with s = log(μ/λ) / log ½, 0.3 or more up to nine neighbours, times the bend of the mesh.
+    // Measured: 8e-4, and 1.4e-7 at 2^-48.
     let near = Worst::new("subdivision", "around vertices: normal at 1e-6", 5e-3);
     let at = Worst::new("subdivision", "around vertices: normal at 2^-48", 1e-6);
     for (_, sheet) in sheets() {
@@ -387,8 +388,8 @@ fn tangent_planes_agree_around_every_vertex() {
     }
 }
 
-/// Across interior edges of regular patches the lattice coordinates go on, and second derivatives with
-/// them.
+/// Across interior edges of regular patches the lattice coordinates continue, and so do second
+/// derivatives.
 #[test]
 fn curvatures_agree_across_regular_edges() {
     // Round-off of second derivatives of size 1. Measured: 3e-15.
@@ -398,7 +399,7 @@ fn curvatures_agree_across_regular_edges() {
         sheet.surface.triangles[t as usize].iter().all(|&v| (1..6).contains(&(v % 7)) && (1..6).contains(&(v / 7)))
     };
     let place = |v: u32| [f64::from(v % 7), f64::from(v / 7)];
-    // Second derivatives by the lattice's own two directions.
+    // Second derivatives along the lattice's two directions.
     let in_lattice = |t: u32, w: [f64; 3]| {
         let [a, b, c] = sheet.surface.triangles[t as usize].map(place);
         let jacobian = nalgebra::Matrix2::new(b[0] - a[0], c[0] - a[0], b[1] - a[1], c[1] - a[1]);
@@ -446,7 +447,7 @@ fn borders_are_cubic_b_splines() {
         for (t, neighbors) in sheet.surface.neighbors.iter().enumerate() {
             for opposite in (0..3).filter(|&k| neighbors[k].is_none()) {
                 let [a, b] = [1, 2].map(|k| sheet.surface.triangles[t][(opposite + k) % 3]);
-                // The border vertices before a and after b.
+                // These are the border vertices before a and after b.
                 let beyond = |from: u32, at: u32| {
                     let edges = sheet.surface.neighbors.iter().zip(&sheet.surface.triangles).flat_map(|(n, t)| {
                         (0..3).filter(|&k| n[k].is_none()).map(|k| (t[(k + 1) % 3], t[(k + 2) % 3]))
@@ -474,7 +475,7 @@ fn borders_are_cubic_b_splines() {
     }
 }
 
-/// The position of a vertex in the limit: (1 − nχ) x + χ Σ neighbours, χ = 1 / (n + 3/(8β)).
+/// Returns the limit position of a vertex: (1 − nχ) x + χ Σ neighbours, χ = 1 / (n + 3/(8β)).
 #[test]
 fn vertices_go_to_their_known_limit() {
     // The surface is evaluated 2⁻⁴⁸ of a triangle away. Measured: 2e-11 for nine neighbours.

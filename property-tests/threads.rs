@@ -1,4 +1,4 @@
-//! Two threads that share the global network do what one does, to the last bit.
+//! Two threads that share the global network give the results of one, to the last bit.
 
 use stickslip::Vec3;
 use stickslip::dynamics::constraint::{Constraint, Steps, Threads, Unconstrained};
@@ -12,7 +12,7 @@ use stickslip::scene::Scene;
 
 use crate::check::scene;
 
-/// Nodes of both halves that are led along a wave, at the start and the end of a step.
+/// Nodes of both halves that are prescribed along a wave, at the start and the end of a step.
 struct Led {
     nodes: Vec<u32>,
     rest: Vec<Vec3>,
@@ -28,7 +28,7 @@ impl Constraint for Led {
     fn acts_node_by_node(&self) -> bool {
         true
     }
-    /// Overruled by `state`, but not to be left in anybody's columns.
+    /// Accelerations that `state` overrides and that must not remain in any column.
     fn accelerations(&self, a: &mut [Vec3]) {
         self.nodes.iter().for_each(|&node| a[node as usize] = Vec3::new(1.0, 2.0, 3.0));
     }
@@ -41,11 +41,11 @@ impl Constraint for Led {
     }
 }
 
-/// The same mesh with its nodes numbered at random within layers of so many.
+/// Numbers the nodes of a mesh at random within layers of a given size.
 fn renumbered(mesh: &Mesh, layer: usize) -> Mesh {
     let count = mesh.nodes.len();
     let mut order: Vec<usize> = (0..count).collect();
-    // A hash of the number decides.
+    // The order is that of a hash of the number.
     order.sort_by_key(|&node| (node / layer, (node as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15).rotate_left(29)));
     let mut number = vec![0; count];
     order.iter().enumerate().for_each(|(new, &old)| number[old] = new);
@@ -97,7 +97,7 @@ fn two_threads_change_no_bit() {
         stepper.step(integrator, &network, &mut single, H, &Unconstrained);
         for threads in [Threads::One, Threads::Two] {
             let (mut state, mut stepper) = (network.rest_state(), Stepper::new(&network));
-            // Two runs, and one more step by one thread: what they leave behind would show.
+            // Two runs, and one more step by one thread: remains of the runs would show.
             for start in [0, 30] {
                 let steps = Steps { length: H, count: 30, threads };
                 stepper.steps(integrator, &network, &mut state, steps, |step| led(start + step));
@@ -113,13 +113,13 @@ fn two_threads_change_no_bit() {
     }
 }
 
-/// All springs of a hub end on one node: wherever it is cut, they go across.
+/// All springs of a hub end on one node: wherever the network is divided, they cross.
 #[test]
 fn a_hub_is_not_shared() {
     let spoke = |node| Spring { nodes: [0, node], stiffness: 1.0, damping: 0.0, rest_length: 1.0 };
     let springs: Vec<Spring> = (1..10_000).map(spoke).collect();
     assert!(Springs::new(10_000, &springs).halves().is_none());
-    // Springs of nodes with themselves stay in their half.
+    // Springs that connect a node with itself stay in their half.
     let loops: Vec<Spring> = (0..10_000).map(|node| Spring { nodes: [node; 2], ..springs[0] }).collect();
     let halves = Springs::new(10_000, &loops).halves().cloned().expect("10,000 springs");
     assert_eq!((halves.split, halves.reach.len()), (5_000, 0));

@@ -1,20 +1,20 @@
 //! Deadlines and late models in virtual time.
 
 use stickslip::Vec3;
-use stickslip::multirate::timeline::{Arrival, Cost, Costs, Fate, OverrunPolicy, RecordedTimes, Timeline};
+use stickslip::multirate::timeline::{Arrival, Cost, Costs, DeadlineOutcome, OverrunPolicy, RecordedTimes, Timeline};
 use stickslip::pipeline::Simulation;
 use stickslip::scene::Scene;
 use stickslip::verify::lateness::{SHARES, consequences};
 
 const SCENE: &str = "fig5-stick-slip";
 
-/// What a run commands and does, tick by tick.
+/// Commands and actions of a run, tick by tick.
 #[derive(Debug, Clone, PartialEq)]
 struct Run {
     commanded: Vec<Vec3>,
     computed: Vec<Vec3>,
     tips: Vec<Vec3>,
-    fates: Vec<Fate>,
+    outcomes: Vec<DeadlineOutcome>,
     ages: Vec<u64>,
 }
 
@@ -24,13 +24,13 @@ impl Run {
         if let Some(timeline) = timeline {
             simulation = simulation.with_timeline(timeline);
         }
-        let mut run = Self { commanded: vec![], computed: vec![], tips: vec![], fates: vec![], ages: vec![] };
+        let mut run = Self { commanded: vec![], computed: vec![], tips: vec![], outcomes: vec![], ages: vec![] };
         simulation
             .run(|view| {
                 run.commanded.push(view.force);
                 run.computed.push(view.report.force);
                 run.tips.push(view.tip);
-                run.fates.push(view.fate);
+                run.outcomes.push(view.deadline_outcome);
                 run.ages.push(view.model_age);
             })
             .expect("no fault");
@@ -38,15 +38,19 @@ impl Run {
     }
 
     fn late(&self) -> Vec<u64> {
-        self.ticks(|fate| matches!(fate, Fate::Late(_)))
+        self.ticks(|deadline_outcome| matches!(deadline_outcome, DeadlineOutcome::Late(_)))
     }
 
     fn skipped(&self) -> Vec<u64> {
-        self.ticks(|fate| fate == Fate::Skipped)
+        self.ticks(|deadline_outcome| deadline_outcome == DeadlineOutcome::Skipped)
     }
 
-    fn ticks(&self, which: impl Fn(Fate) -> bool) -> Vec<u64> {
-        (0..).zip(&self.fates).filter(|&(_, &fate)| which(fate)).map(|(tick, _)| tick).collect()
+    fn ticks(&self, which: impl Fn(DeadlineOutcome) -> bool) -> Vec<u64> {
+        (0..)
+            .zip(&self.outcomes)
+            .filter(|&(_, &deadline_outcome)| which(deadline_outcome))
+            .map(|(tick, _)| tick)
+            .collect()
     }
 }
 
@@ -78,7 +82,7 @@ fn the_same_seed_gives_the_same_misses_and_another_one_others() {
     let mut other = drawn.clone();
     other.costs.as_mut().expect("it has costs").seed = 8;
     assert_ne!(run.late(), Run::of(&other, None).late());
-    // 1200 draws of probability 0.05: 60, give or take four standard deviations of 7.5.
+    // 1200 draws of probability 0.05: 60, with a tolerance of four standard deviations of 7.5.
     assert!((30..=90).contains(&run.late().len()), "{} late ticks", run.late().len());
 }
 
@@ -88,15 +92,15 @@ fn holding_repeats_the_last_command_and_zero_commands_none() {
         let run = Run::of(&scene(overrun, rare(), NOTHING), None);
         assert!(!run.late().is_empty() && run.skipped().is_empty());
         let mut last = Vec3::zeros();
-        for tick in 0..run.fates.len() {
-            let force = match run.fates[tick] {
-                Fate::OnTime => run.computed[tick],
+        for tick in 0..run.outcomes.len() {
+            let force = match run.outcomes[tick] {
+                DeadlineOutcome::OnTime => run.computed[tick],
                 _ => expected.unwrap_or(last),
             };
             assert_eq!(run.commanded[tick], force, "tick {tick} under {overrun:?}");
             last = force;
         }
-        // An instrument that goes its way whatever the force: the mesh does not notice.
+        // This instrument's path does not depend on the force, so the mesh is not affected.
         assert_eq!(run.computed, Run::of(&Scene::shipped(SCENE).expect("shipped"), None).computed);
     }
 }
@@ -110,7 +114,7 @@ fn an_overrun_of_two_and_a_half_ticks_skips_two_and_pushes_the_tip_on_at_once() 
     let plain = Run::of(&Scene::shipped(SCENE).expect("shipped"), None);
     assert_eq!(run.computed[..=late], plain.computed[..=late]);
     assert_eq!(run.tips, plain.tips);
-    // The late force goes out before the next tick that is computed.
+    // The late force is commanded before the next computed tick.
     assert!(run.commanded[late..=late + 2].iter().all(|force| *force == run.commanded[late - 1]));
     assert_eq!(run.computed[late + 1..=late + 2], [run.computed[late]; 2]);
     assert_eq!(run.commanded[late + 3], run.computed[late + 3]);
@@ -125,9 +129,9 @@ fn models_come_when_they_are_ready_and_a_busy_side_leaves_boundaries_out() {
     };
     let every = |start: u64, step: usize| (start..1200).step_by(step).collect::<Vec<u64>>();
     assert_eq!(first_ticks(0.03), every(130, 100));
-    // Exactly a cycle: none is left out, each comes as the next begins.
+    // Building takes exactly a cycle: none is omitted, and each arrives as the next begins.
     assert_eq!(first_ticks(0.1), every(200, 100));
-    // A cycle and a half: from 100 till 250, then from the newest boundary, 200, till 400, then from 400 ...
+    // Building takes a cycle and a half: from 100 to 250, then from the newest boundary, 200, to 400, then from 400 ...
     assert_eq!(first_ticks(0.15), every(250, 150));
 }
 
@@ -163,9 +167,10 @@ fn a_log_normal_cost_has_the_percentiles_it_is_given_by() {
         let mut scene = scene(OverrunPolicy::Hold, Cost::LogNormal { median: 2e-4, p99: 9e-4 }, NOTHING);
         scene.deadline.after = deadline;
         let mut timeline = scene.timeline();
-        (0..ticks).filter(|&tick| timeline.fate(tick) != Fate::OnTime).count() as f64 / ticks as f64
+        (0..ticks).filter(|&tick| timeline.deadline_outcome(tick) != DeadlineOutcome::OnTime).count() as f64
+            / ticks as f64
     };
-    // Four standard deviations of a share of 20,000 draws.
+    // The tolerance is four standard deviations of a share of 20,000 draws.
     for (deadline, share) in [(2e-4, 0.5), (9e-4, 0.01)] {
         let four = 4.0 * f64::sqrt(share * (1.0 - share) / ticks as f64);
         let found = share_above(deadline);
@@ -183,7 +188,7 @@ fn more_lateness_does_more_and_none_does_nothing() {
         let errors: Vec<f64> = of_policy.iter().map(|c| c.force_error_rms_rel.expect("no fault")).collect();
         assert!(errors.windows(2).all(|pair| pair[0] <= pair[1]) && errors[2] > 0.0, "{of_policy:?}");
     }
-    // A zero in a force is felt; a force held for a tick hardly.
+    // A zero in the force changes it much; a force held for a tick hardly does.
     let error = |policy: OverrunPolicy| {
         let worst = found.late.iter().rfind(|c| c.overrun == policy).expect("every policy is there");
         worst.force_error_rms_rel.expect("no fault")

@@ -1,4 +1,4 @@
-//! The velocity scheme: the laws at the end of a tick, the energy book beside that of the
+//! The velocity scheme: the laws at the end of a tick, the energy balance compared with that of the
 //! geometric scheme, continuity of the force, order of convergence.
 
 use stickslip::Vec3;
@@ -8,11 +8,11 @@ use stickslip::device::path::{TipPath, Waypoint};
 use stickslip::pipeline::{self, TickView};
 use stickslip::scene::Scene;
 use stickslip::surface::geometry::ContactSurface;
-use stickslip::verify::surfaces::{self, Felt};
+use stickslip::verify::surfaces::{self, SurfaceMeasures};
 
 use crate::check::{Worst, shipped};
 
-/// The whole network at 1000 Hz times `refinement`.
+/// Builds the whole network at 1000 Hz times `refinement`.
 fn full(name: &str, surface: ContactSurface, scheme: Scheme, refinement: u32) -> Scene {
     let scene = surfaces::whole(&shipped(name), surface, scheme);
     let rate_hz = scene.local_rate_hz() * f64::from(refinement);
@@ -47,15 +47,15 @@ fn the_contact_point_follows_the_tip() {
     }
 }
 
-/// Residual of the energy book over the total |work|.
+/// Returns the energy residual over the total |work|.
 fn energy_residual(scene: &Scene) -> f64 {
     let mut residual = f64::NAN;
     completes(scene, |view| residual = view.energy.residual() / view.energy.absolute_work);
     residual
 }
 
-/// The book closes on the limit surface under the velocity scheme, and better with every halving of the
-/// step; beside it the residuals of what is used elsewhere.
+/// The energy residual on the limit surface under the velocity scheme vanishes to first order or better with the
+/// step; the residuals of the other surfaces and of the geometric scheme are printed beside it.
 #[test]
 fn energy_book_closes_on_the_limit_surface() {
     for name in ["deep-sliding", "deep-stick-slip"] {
@@ -69,7 +69,7 @@ fn energy_book_closes_on_the_limit_surface() {
                 if surface == ContactSurface::Subdivision && scheme == Scheme::Velocity {
                     assert!(residuals[0].abs() <= 0.01, "{name}: {residuals:?}");
                     for pair in residuals.windows(2) {
-                        // Half, and a tenth of that for what is of second order.
+                        // The bound is half, and a tenth more for a second-order remainder.
                         assert!(pair[1].abs() <= 0.55 * pair[0].abs(), "{name}: {residuals:?}");
                     }
                 }
@@ -84,15 +84,15 @@ fn force_does_not_jump_on_the_limit_surface() {
     for (name, allowed) in [("deep-sliding", 0.005), ("deep-stick-slip", 0.03)] {
         for (_, surface) in surfaces::SURFACES {
             for (scheme_name, scheme) in surfaces::SCHEMES {
-                let felt = surfaces::feel(&full(name, surface, scheme, 1), |_| {}).expect("it starts outside");
-                let Felt { jump_relative, contact_losses, mode_switches_per_s, .. } = felt;
+                let measures = surfaces::measure(&full(name, surface, scheme, 1), |_| {}).expect("it starts outside");
+                let SurfaceMeasures { jump_relative, contact_losses, mode_switches_per_s, .. } = measures;
                 println!(
                     "RESIDUAL | continuity | {name}, {surface:?}, {scheme_name}: jump / force, losses, switches per s | - | {jump_relative:.4} {contact_losses} {mode_switches_per_s:.1}"
                 );
                 if surface == ContactSurface::Subdivision && scheme == Scheme::Velocity {
                     assert!(jump_relative <= allowed, "{name}: {jump_relative}");
                     assert_eq!(contact_losses, 0, "{name}");
-                    // One stick and one slip a cycle; the block's slowest mode is 10 Hz.
+                    // There is one stick and one slip a cycle; the block's slowest mode is 10 Hz.
                     assert!(mode_switches_per_s <= 20.0, "{name}: {mode_switches_per_s} per s");
                 }
             }
@@ -100,7 +100,7 @@ fn force_does_not_jump_on_the_limit_surface() {
     }
 }
 
-/// A smooth press and drag, resolved far below any step used.
+/// Smooth press and drag, resolved far more finely than any step used.
 fn smooth_path() -> TipPath {
     let blend = |t: f64| {
         let t = t.clamp(0.0, 1.0);

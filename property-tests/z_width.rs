@@ -1,4 +1,4 @@
-//! Virtual walls in the modelled loop: the stiffest that is quiet against published bounds, and where the tip rests.
+//! Virtual walls in the modelled loop: the stiffest quiet one compared with published bounds, and the tip at rest.
 
 use std::f64::consts::TAU;
 
@@ -16,12 +16,12 @@ fn range_m(rate: f64, stiffness: f64, damping: f64) -> f64 {
 
 #[test]
 fn walls_that_have_to_be_passive_are_quiet_and_stiffer_ones_shake() {
-    // Measured: 11548, 10182 and 17943 N/m at 1 kHz, 59352 N/m at 10 kHz. Where shaking sets in scatters by a tenth.
+    // Measured: 11548, 10182 and 17943 N/m at 1 kHz, 59352 N/m at 10 kHz. The onset of oscillation scatters by a tenth.
     let cases = [(1e3, 0.0), (1e3, 0.005), (1e3, 10.0), (1e4, 0.0)];
     let limits = cases.map(|(rate, damping)| {
         let limit = wall_limit(&PhantomSettings::default(), rate, damping).expect("a limit");
         let quiet = limit.quiet_n_per_m.expect("no wall of 1e5 N/m is quiet");
-        // Colgate and Schenkel for the joint that moves the tip up and down at home.
+        // Bound of Colgate and Schenkel for the joint that moves the tip up and down at home.
         let passive = (2.0 * rate * (5e-4 / (UPPER_LINK * UPPER_LINK) - damping)).max(0.0);
         println!(
             "RESIDUAL | Colgate, Schenkel | {rate} Hz, B = {damping}: passive up to {passive:.0} N/m | - | {quiet:.0}"
@@ -47,7 +47,7 @@ fn the_tip_rests_where_forces_balance() {
     let hand_stiffness = 1.0 / (1.0 / hand.stylus_stiffness.y + 1.0 / hand.arm_stiffness.y);
     let lift = 0.0163 / UPPER_LINK;
     let count = UPPER_LINK * TAU / (11.2 * 4096.0);
-    // The wall answers to the measured depth, which is within half a count of the true one.
+    // The wall's force depends on the measured depth, which is within half a count of the true one.
     let worst = Worst::new("balance of forces", "depth in a virtual wall, encoder counts", 0.5);
     for (rate, stiffness, damping) in [(1e3, 316.0, 0.0), (1e3, 1000.0, 1.0), (1e4, 1000.0, 0.0)] {
         let wall = VirtualWall { stiffness_n_per_m: stiffness, damping_n_s_per_m: damping };

@@ -7,21 +7,28 @@
 //! Virtual Environments Using Multi-Rate Simulation*. Numbers in parentheses, like (12), are that
 //! paper's equations. All quantities are SI and `f64`; axes are right-handed.
 //!
+//! ## What is public
+//!
+//! The items at the crate's root: [`Scene`] and what it is built of, [`run`] and [`Simulation`], what a tick shows
+//! ([`TickView`], [`TickReport`]), files and their errors, and three doors for custom parts: [`Renderer`],
+//! [`Instrument`] and [`ContactLaw`], which [`OwnParts`] and [`Law::Own`] take. The modules are hidden from this page: the
+//! tests, benches and the program reach into them, and they may change with every version.
+//!
 //! ## The path of the data
 //!
-//! [`scene`] (with meshes from a [`mesh_file`]) → [`model`] (mesh, network, linearisation, local model) → [`contact`] (collision,
-//! location, operators, law, tick) → [`dynamics`] (integrators, global cycle, energy) →
-//! [`device`] (instrument, fail-safe, modelled device) → [`output`] (trace, summary, plots). [`pipeline`] is that
-//! path on one page; [`verify`] holds what comes out of it against accepted results.
+//! `scene` (with meshes from a `mesh_file`) → `model` (mesh, network) → `surface` (contact surface, once per mesh) → `local`
+//! (local model) → `contact` (the tick: detect, constrain, law) → `multirate` (the two sides, global cycle, energy balance,
+//! fail-safe) → `device` (instrument, modelled PHANTOM) → `output` (trace, summary, figures). `pipeline` is that path on
+//! one page; `verify` judges what comes out of it.
 //!
 //! ```
-//! use stickslip::{pipeline, scene::Scene};
+//! use stickslip::{Scene, run};
 //!
 //! let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
 //! let mut peak_n = 0.0_f64;
-//! pipeline::run(&scene, |tick| peak_n = peak_n.max(tick.report.normal_force))?;
+//! run(&scene, |tick| peak_n = peak_n.max(tick.normal_force()))?;
 //! assert!(peak_n > 1.0);
-//! # Ok::<(), stickslip::pipeline::RunError>(())
+//! # Ok::<(), stickslip::RunError>(())
 //! ```
 //!
 //! ## Symbols
@@ -53,45 +60,72 @@
 
 mod word;
 
+#[doc(hidden)]
 pub mod scene;
 
+#[doc(hidden)]
 pub mod mesh_file;
 
+#[doc(hidden)]
 pub mod model;
 
+#[doc(hidden)]
 pub mod surface;
 
+#[doc(hidden)]
 pub mod dynamics;
 
+#[doc(hidden)]
 pub mod local;
 
+#[doc(hidden)]
 pub mod contact;
 
+#[doc(hidden)]
 pub mod device;
 
+#[doc(hidden)]
 pub mod multirate;
 
+#[doc(hidden)]
 pub mod pipeline;
 
+#[doc(hidden)]
 pub mod session;
 
+#[doc(hidden)]
 #[cfg(all(feature = "realtime", target_os = "linux"))]
 pub mod realtime;
 
+#[doc(hidden)]
+#[cfg(feature = "files")]
 pub mod output;
 
+#[doc(hidden)]
+#[cfg(feature = "files")]
 pub mod verify;
 
+#[doc(hidden)]
 #[cfg(feature = "cli")]
 pub mod cli;
 
 pub use contact::law::{ContactLaw, Impulse, Law, Mode};
 pub use contact::renderer::{Body, BodyState, MovedNodes, Rendered, Renderer, RendererFault, RendererModel};
+pub use contact::report::TickReport;
+pub use contact::rules::{ContactRules, Deformation, Scheme, Wall};
 pub use device::instrument::{Instrument, InstrumentFault};
+pub use device::path::{PathError, TipPath, Waypoint};
+pub use model::mesh::{Block, Mesh, Stencil};
+pub use model::network::{Material, Network};
+pub use multirate::failsafe::{Fault, FaultCause};
+#[cfg(feature = "files")]
 pub use output::files::{FinishedRun, RunFilesError, run_into};
+#[cfg(feature = "files")]
+pub use output::summary::Summary;
 pub use pipeline::{AssemblyError, Lockstep, OwnParts, RunError, Simulation, TickView, run};
-pub use scene::{Scene, SceneError};
-pub use surface::geometry::ContactPoint;
+pub use scene::{MeshSource, Problem, Scene, SceneError};
+pub use surface::geometry::{ContactPoint, ContactSurface, SurfaceModel};
+pub use surface::support::Metric;
 
 /// A point, vector, velocity or force.
 pub type Vec3 = nalgebra::Vector3<f64>;

@@ -1,5 +1,13 @@
-//! The path of the data, on one page: scene → network → linearise → local model → collide →
-//! constrain → integrate → instrument force → global cycle.
+//! The path of the data, on one page: scene → network → linearise → local model → detect → constrain → move →
+//! instrument force → global cycle. Reading order:
+//!
+//! 1. [`Simulation::prepare`] puts a scene together: mesh → network → surface → first local model → instrument.
+//! 2. [`Lockstep::step`] is one tick. Before it, at a boundary, the cycle just past goes up, the global side brings the
+//!    network over it and builds the next model ([`GlobalSide::next_model`]); a model that is due is handed over.
+//! 3. [`Servo::tick`] senses the tip, has the local side do the six steps of the tick
+//!    ([`LocalSimulation::tick`](crate::contact::simulation::LocalSimulation::tick)), checks the result in the fail-safe, and
+//!    commands the instrument.
+//! 4. [`TickView`] is what an observer sees of it: traces, summaries, figures and studies take it from there.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -25,28 +33,29 @@ use crate::model::network::{Network, NetworkError};
 use crate::model::state::State;
 use crate::model::topology::{Surface, SurfaceError};
 use crate::model::work::WorkCounts;
-use crate::multirate::energy::EnergyBook;
-use crate::multirate::failsafe::{Bounds, Cause, FailSafe, Fault};
+use crate::multirate::energy::EnergyBalance;
+use crate::multirate::failsafe::{Bounds, FailSafe, Fault, FaultCause};
 use crate::multirate::global::{BuildError, CycleSettings, GlobalSide, GlobalSimulation, Moment, SyncMode};
 use crate::multirate::messages::{CycleMessage, ModelMessage};
 use crate::multirate::servo::Servo;
-use crate::multirate::timeline::{Arrival, Fate, Timeline};
-use crate::multirate::trajectory::{Keep, Trajectory};
+use crate::multirate::timeline::{Arrival, DeadlineOutcome, Timeline};
+use crate::multirate::trajectory::{PathRecording, Trajectory};
 use crate::scene::{Problem, Scene, SceneError};
 use crate::surface::geometry::SurfaceModel;
 
 /// Why a run did not complete.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum RunError {
-    /// It could not start.
+    /// The scene could not be put together.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// The fail-safe ended it.
+    /// The fail-safe ended the run.
     #[error(transparent)]
     Fault(#[from] Fault),
 }
 
-/// What an observer sees after a tick.
+/// State of a run after a tick, as observers see it.
 ///
 /// ```
 /// use stickslip::{pipeline, scene::Scene};
@@ -61,53 +70,53 @@ pub enum RunError {
 /// ```
 #[derive(Debug)]
 pub struct TickView<'a> {
-    /// Counted from 0.
+    /// Number of the tick, from 0.
     pub tick: u64,
-    /// At the end of the tick, s.
+    /// Time at the end of the tick, s.
     pub time: f64,
-    /// The tip at the start of the tick, m.
+    /// Tip position at the start of the tick, m.
     pub tip_before: Vec3,
-    /// The tip at its end, m.
+    /// Tip position at the end of the tick, m.
     pub tip: Vec3,
-    /// The force commanded to the instrument, before device limits, N.
+    /// Force commanded to the instrument, before device limits, N.
     pub force: Vec3,
-    /// What the tick did; of the last one that was computed if this one was skipped.
+    /// Report of the tick, or of the last computed one if this tick was skipped.
     pub report: &'a TickReport,
-    /// Whether it met its deadline.
-    pub fate: Fate,
+    /// Whether the tick met its deadline.
+    pub deadline_outcome: DeadlineOutcome,
     /// Whether the run has deadlines.
     pub has_deadlines: bool,
-    /// The local side, at the end of the tick.
+    /// Local side at the end of the tick.
     pub local: &'a LocalSimulation,
     /// The full model.
     pub network: &'a Network,
-    /// The network as the global side left it at the last boundary.
+    /// State of the network at the last boundary.
     pub network_state: &'a State,
-    /// Age of the model that did it, ticks.
+    /// Age of the local model in use, ticks.
     pub model_age: u64,
-    /// Energies at its end.
-    pub energy: &'a EnergyBook,
-    /// What both sides have computed so far.
+    /// Energy balance at the end of the tick.
+    pub energy: &'a EnergyBalance,
+    /// Work counts of both sides so far.
     pub work: WorkCounts,
-    /// What became of the exterior in the models so far, if it is condensed.
+    /// Counts of how models condensed their exterior so far, if they condense it.
     pub condensation: Option<CondensationCounts>,
-    /// The modelled device at its end, if there is one.
+    /// Modelled device at the end of the tick, if there is one.
     pub device: Option<DeviceView>,
 }
 
 impl TickView<'_> {
-    /// f·n̂ of the commanded force, N; 0 when free.
+    /// Returns f·n̂ of the commanded force, N; 0 when free.
     pub fn normal_force(&self) -> f64 {
         self.report.touch.map_or(0.0, |touch| self.force.dot(&touch.normal))
     }
 
-    /// |f − (f·n̂) n̂| of the commanded force, N; 0 when free.
+    /// Returns |f − (f·n̂) n̂| of the commanded force, N; 0 when free.
     pub fn tangential_force(&self) -> f64 {
         self.report.touch.map_or(0.0, |touch| (self.force - touch.normal * self.normal_force()).norm())
     }
 }
 
-/// Parts of one's own, in place of what the scene says.
+/// Custom parts, in place of those of the scene.
 #[derive(Debug, Default)]
 pub struct OwnParts {
     /// Mesh in place of the scene's. The scene's masses, and the constants of springs where each has its own, must be as
@@ -144,16 +153,16 @@ pub enum AssemblyError {
         /// How deep, m.
         depth_m: f64,
     },
-    /// A renderer of one's own gets its models from cycles that are replayed.
-    #[error("a renderer of one's own needs `local.model = \"patch\"` and `sync.mode = \"replay\"`")]
+    /// A custom renderer gets its models from cycles that are replayed.
+    #[error("a custom renderer needs `local.model = \"patch\"` and `sync.mode = \"replay\"`")]
     NoCycle,
-    /// A renderer of one's own that moves no nodes pushes the network, which an implicit global step does not take.
-    #[error("a renderer that moves no nodes needs an explicit `global.integrator`")]
+    /// A custom renderer that moves no nodes pushes the network, which an implicit global step does not take.
+    #[error("a custom renderer that moves no nodes needs an explicit `global.integrator`")]
     PushedImplicitly,
 }
 
 impl AssemblyError {
-    /// With the place in the scene that decides it.
+    /// Adds the place in the scene that decides the error.
     fn located(self, scene: &Scene) -> SceneError {
         match self {
             Self::Network(error) => scene.error(Problem::Network(error)),
@@ -178,13 +187,13 @@ pub struct Sides {
     pub global: GlobalSide,
 }
 
-/// A scene put together, ready to run.
+/// An assembled scene, ready to run.
 ///
 /// ```
 /// use stickslip::contact::law::Mode;
 /// use stickslip::multirate::global::Moment;
 /// use stickslip::multirate::timeline::Timeline;
-/// use stickslip::pipeline::Simulation;
+/// use stickslip::pipeline::{OwnParts, Simulation};
 /// use stickslip::scene::Scene;
 ///
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(250);
@@ -219,7 +228,7 @@ pub struct Simulation {
     tick_s: f64,
     tick_count: u64,
     ticks_per_cycle: u64,
-    keep: Keep,
+    recording: PathRecording,
     /// The whole network runs at the local rate: there are no cycles and no model to age.
     is_full: bool,
 }
@@ -235,7 +244,7 @@ impl Simulation {
         Self::prepare_with(scene, OwnParts::default())
     }
 
-    /// The same with parts of one's own in place of the scene's.
+    /// Assembles a scene with custom parts in place of its own.
     ///
     /// # Errors
     /// As [`prepare`](Self::prepare), or if a part does not fit the scene.
@@ -288,14 +297,16 @@ impl Simulation {
         if !(distance >= -START_TOLERANCE) {
             return Err(AssemblyError::TipInside { depth_m: -distance });
         }
-        let keep = match (is_rendered_by_another, local.moved()) {
+        let recording = match (is_rendered_by_another, local.moved()) {
             (true, None) if scene.global.integrator == GlobalIntegrator::ImplicitEuler => {
                 return Err(AssemblyError::PushedImplicitly);
             }
-            (true, None) => Keep::Push,
-            (true, Some(_)) => Keep::Path,
-            (false, _) if scene.global.sync == SyncMode::Replay && scene.local().extent != Extent::All => Keep::Path,
-            (false, _) => Keep::End,
+            (true, None) => PathRecording::Forces,
+            (true, Some(_)) => PathRecording::EveryTick,
+            (false, _) if scene.global.sync == SyncMode::Replay && scene.local().extent != Extent::All => {
+                PathRecording::EveryTick
+            }
+            (false, _) => PathRecording::LastTick,
         };
         Ok(Self {
             servo: Servo::new(local, instrument, smoothing, FailSafe::new(Bounds::new(&network.rest)), scene.tick_s()),
@@ -306,50 +317,50 @@ impl Simulation {
             tick_s: scene.tick_s(),
             tick_count: scene.tick_count(),
             ticks_per_cycle: u64::from(scene.ticks_per_cycle()),
-            keep,
+            recording,
             is_full: scene.is_full(),
         })
     }
 
-    /// The same with other times than the scene's.
+    /// Replaces the times at which ticks end and models arrive.
     pub fn with_timeline(self, timeline: Timeline) -> Self {
         Self { timeline, ..self }
     }
 
-    /// The full model.
+    /// Returns the full model.
     pub fn network(&self) -> &Network {
         &self.network
     }
 
-    /// Its surface.
+    /// Returns the boundary triangles of the body.
     pub fn surface(&self) -> &Surface {
         &self.surface
     }
 
-    /// The local side.
+    /// Returns the local side.
     pub fn local(&self) -> &LocalSimulation {
         self.servo.local()
     }
 
-    /// The modelled device, if there is one.
+    /// Returns the modelled device, if there is one.
     pub fn device(&self) -> Option<&CoupledPhantom> {
         self.servo.device()
     }
 
-    /// The global side.
+    /// Returns the global side.
     pub fn global(&self) -> &GlobalSimulation {
         self.global.simulation()
     }
 
-    /// The two sides, for another schedule or a loop of one's own. (A clone of the servo side has to allocate its scratch
-    /// again in its first ticks; this one has it.)
+    /// Returns the two sides, for another schedule or a custom loop. A clone of the servo side allocates its workspace
+    /// again in its first ticks; this one has it.
     pub fn into_sides(self) -> Sides {
         Sides { servo: self.servo, global: self.global }
     }
 
-    /// How much of the patch's path the global side needs; `None` if there are no cycles.
-    pub fn keeps(&self) -> Option<Keep> {
-        (!self.is_full).then_some(self.keep)
+    /// Returns how much of the patch's path the global side needs; `None` without cycles.
+    pub fn recording(&self) -> Option<PathRecording> {
+        (!self.is_full).then_some(self.recording)
     }
 
     /// Runs in lockstep: the two sides take turns in virtual time. `observe` is called after every
@@ -361,7 +372,7 @@ impl Simulation {
         self.run_timed(|_| (), observe)
     }
 
-    /// As [`run`](Self::run); `mark` is told of every moment of the schedule as it comes.
+    /// Runs as [`run`](Self::run) does; `mark` is called at every moment of the schedule.
     ///
     /// # Errors
     /// With the fault that ended the run.
@@ -374,7 +385,7 @@ impl Simulation {
     }
 }
 
-/// A run in lockstep, tick by tick.
+/// A run in lockstep in virtual time, tick by tick.
 ///
 /// ```
 /// use stickslip::{pipeline::{Lockstep, Simulation}, scene::Scene};
@@ -397,35 +408,35 @@ pub struct Lockstep {
     /// Up: the cycles that the global side has not yet taken in.
     passed: Vec<CycleMessage>,
     /// Down: models that are not yet due, or why there is none.
-    pending: VecDeque<(Arrival, Result<ModelMessage, Cause>)>,
-    energy: EnergyBook,
+    pending: VecDeque<(Arrival, Result<ModelMessage, FaultCause>)>,
+    energy: EnergyBalance,
 }
 
 impl Lockstep {
-    /// Before the first tick.
+    /// Starts a run before its first tick.
     pub fn new(simulation: Simulation) -> Self {
         let ground = if simulation.is_full { simulation.network.fixed_potential() } else { 0.0 };
-        let mut energy = EnergyBook::new(ground);
+        let mut energy = EnergyBalance::new(ground);
         energy.take_stock(simulation.servo.local());
-        let trajectory = Trajectory::new(simulation.keep);
+        let trajectory = Trajectory::new(simulation.recording);
         let mut run = Self { simulation, trajectory, passed: Vec::new(), pending: VecDeque::new(), energy };
         run.begin_segment();
         run
     }
 
-    /// The servo side after the last tick.
+    /// Returns the servo side after the last tick.
     pub fn servo(&self) -> &Servo {
         &self.simulation.servo
     }
 
-    /// A copy of the servo side as it enters the next tick, with the model that is due then; `None` after the last tick, or
+    /// Returns a copy of the servo side as it enters the next tick, with the model that is due then; `None` after the last tick, or
     /// where the global side ends the run before it.
     pub fn servo_at_next_tick(&self) -> Option<Servo> {
         let mut ahead = self.clone();
         matches!(ahead.begin(&mut |_| ()), Ok(true)).then_some(ahead.simulation.servo)
     }
 
-    /// One tick, with what comes before it: the boundary of a cycle, a model that is due. `None` when the run is over.
+    /// Does one tick, with what comes before it: the boundary of a cycle, a model that is due. `None` when the run is over.
     ///
     /// # Errors
     /// With the fault that ended the run.
@@ -433,7 +444,7 @@ impl Lockstep {
         self.step_timed(&mut |_| ())
     }
 
-    /// As [`step`](Self::step); `mark` is told of every moment of the schedule as it comes.
+    /// Does one tick as [`step`](Self::step); `mark` is called at every moment of the schedule as it comes.
     ///
     /// # Errors
     /// With the fault that ended the run.
@@ -441,9 +452,9 @@ impl Lockstep {
         if self.begin(mark)? { self.finish(mark).map(Some) } else { Ok(None) }
     }
 
-    /// Everything before a tick. Returns whether there is one.
+    /// Does what comes before a tick. Returns whether there is one.
     fn begin(&mut self, mark: &mut impl FnMut(Moment)) -> Result<bool, Fault> {
-        let Simulation { global, servo, timeline, ticks_per_cycle, tick_count, keep, is_full, .. } =
+        let Simulation { global, servo, timeline, ticks_per_cycle, tick_count, recording, is_full, .. } =
             &mut self.simulation;
         let tick = servo.next_tick();
         if tick >= *tick_count {
@@ -451,7 +462,7 @@ impl Lockstep {
         }
         let is_boundary = tick % *ticks_per_cycle == 0 && tick > 0 && !*is_full;
         if is_boundary {
-            let past = std::mem::replace(&mut self.trajectory, Trajectory::new(*keep));
+            let past = std::mem::replace(&mut self.trajectory, Trajectory::new(*recording));
             self.passed.push(CycleMessage { trajectory: past, contact: servo.local().contact(), tip: servo.tip() });
             if let Some(at) = timeline.model_due(tick) {
                 self.pending.push_back((Arrival { from: tick, at }, global.next_model(self.passed.drain(..), mark)));
@@ -469,25 +480,29 @@ impl Lockstep {
         Ok(true)
     }
 
-    /// The tick itself.
+    /// Does the tick itself.
     fn finish(&mut self, mark: &mut impl FnMut(Moment)) -> Result<TickView<'_>, Fault> {
-        let Simulation { global, network, servo, timeline, tick_s, is_full, keep, .. } = &mut self.simulation;
-        let fate = timeline.fate(servo.next_tick());
+        let Simulation { global, network, servo, timeline, tick_s, is_full, recording, .. } = &mut self.simulation;
+        let deadline_outcome = timeline.deadline_outcome(servo.next_tick());
         mark(Moment::TickBegins);
-        let done = servo.tick(fate)?;
+        let done = servo.tick(deadline_outcome)?;
         mark(Moment::TickEnds);
         let local = servo.local();
-        match (local.moved(), *keep) {
+        match (local.moved(), *recording) {
             _ if *is_full => {}
             (Some(moved), _) => self.trajectory.record_at(moved.x, moved.v),
-            (None, Keep::Push) => {
-                let point = servo.report().touch.filter(|_| fate != Fate::Skipped).map(|touch| touch.point);
+            (None, PathRecording::Forces) => {
+                let point = servo
+                    .report()
+                    .touch
+                    .filter(|_| deadline_outcome != DeadlineOutcome::Skipped)
+                    .map(|touch| touch.point);
                 self.trajectory.record_push(done.report.force, point);
             }
             (None, _) => self.trajectory.record(local.state()),
         }
-        if fate != Fate::Skipped {
-            self.energy.book(local, &done.report, done.tip_before, done.tip, *tick_s);
+        if deadline_outcome != DeadlineOutcome::Skipped {
+            self.energy.add_tick(local, &done.report, done.tip_before, done.tip, *tick_s);
         }
         Ok(TickView {
             tick: done.tick,
@@ -496,7 +511,7 @@ impl Lockstep {
             tip: done.tip,
             force: done.force,
             report: servo.report(),
-            fate,
+            deadline_outcome,
             has_deadlines: !matches!(timeline, Timeline::Ideal { .. }),
             local,
             network,
@@ -509,7 +524,7 @@ impl Lockstep {
         })
     }
 
-    /// The path from here on of the model now in use, to the end of the cycle at most.
+    /// Begins to record the path of the model in use, to the end of the cycle at most.
     fn begin_segment(&mut self) {
         let Simulation { servo, ticks_per_cycle, tick_count, .. } = &self.simulation;
         let tick_in_cycle = servo.next_tick() % ticks_per_cycle;
@@ -523,7 +538,7 @@ impl Lockstep {
     }
 }
 
-/// Puts a scene together and runs it.
+/// Assembles a scene and runs it.
 ///
 /// # Errors
 /// If the scene cannot start, or the fail-safe ends it.

@@ -1,5 +1,5 @@
-//! Runs in real time, recorded so that they can be run again bit for bit: when models arrived and which ticks
-//! were late decide everything that a scene leaves open.
+//! Recorded real-time runs, which can be replayed bit for bit: the arrival times of models and the set of late ticks
+//! are all that a scene leaves open.
 
 use std::fs;
 use std::io;
@@ -15,20 +15,20 @@ use crate::multirate::timeline::{OverrunPolicy, RecordedTimes, Timeline};
 use crate::pipeline::{Lockstep, Simulation, TickView};
 use crate::scene::{Scene, SceneError};
 
-/// The version of the file's format.
+/// The version of the session file's format.
 const FORMAT: &str = "stickslip-session-1";
 
-/// What a tick left.
+/// The recorded result of one tick.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Taped {
-    /// The tip at its end, m.
+pub struct RecordedTick {
+    /// Tip position at the end of the tick, m.
     pub tip: [f64; 3],
-    /// Commanded, N.
+    /// Commanded force, N.
     pub force: [f64; 3],
 }
 
-impl Taped {
-    /// Tip and commanded force of a tick.
+impl RecordedTick {
+    /// Records the tip position and commanded force of a tick.
     pub fn new(tip: Vec3, force: Vec3) -> Self {
         Self { tip: tip.into(), force: force.into() }
     }
@@ -39,10 +39,10 @@ impl Taped {
     }
 }
 
-/// Tells whether two runs commanded the same forces to the bit (FNV-1a over their 64-bit patterns).
+/// A checksum that shows whether two runs commanded the same forces to the bit (FNV-1a over their 64-bit patterns).
 ///
 /// ```
-/// use stickslip::{Vec3, session::{Checksum, Taped}};
+/// use stickslip::{Vec3, session::{Checksum, RecordedTick}};
 ///
 /// let of = |forces: &[Vec3]| {
 ///     let mut checksum = Checksum::default();
@@ -52,7 +52,7 @@ impl Taped {
 /// assert_eq!(of(&[Vec3::x(), Vec3::y()]), of(&[Vec3::x(), Vec3::y()]));
 /// assert_ne!(of(&[Vec3::x(), Vec3::y()]), of(&[Vec3::y(), Vec3::x()])); // the order counts,
 /// assert_ne!(of(&[Vec3::zeros()]), of(&[-Vec3::zeros()])); // and every bit
-/// assert_eq!(Taped::new(Vec3::x(), Vec3::z()).force, [0.0, 0.0, 1.0]);
+/// assert_eq!(RecordedTick::new(Vec3::x(), Vec3::z()).force, [0.0, 0.0, 1.0]);
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Checksum(u64);
@@ -64,206 +64,206 @@ impl Default for Checksum {
 }
 
 impl Checksum {
-    /// Takes in a force, N.
+    /// Adds a force, N, to the checksum.
     pub fn add(&mut self, force: Vec3) {
         for component in force.iter() {
             self.0 = (self.0 ^ component.to_bits()).wrapping_mul(0x0000_0100_0000_01b3);
         }
     }
 
-    /// Sixteen hexadecimal digits.
+    /// Returns the checksum as sixteen hexadecimal digits.
     pub fn text(self) -> String {
         format!("{:016x}", self.0)
     }
 }
 
-/// One run of a scene's path.
+/// A recorded pass: one run along a scene's path.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct RecordedPass {
-    /// Counted from 0 in its session.
+    /// Number of the pass in its session, from 0.
     pub pass: u32,
-    /// Ticks that were done, and left out.
+    /// Number of ticks completed, skipped ones included.
     pub ticks: u64,
-    /// What happened.
+    /// Arrival times of models, and late and skipped ticks.
     pub times: RecordedTimes,
-    /// Of all commanded forces.
+    /// Checksum of all commanded forces.
     pub checksum: String,
-    /// The fault that ended it in the tick after these, if one did.
+    /// The fault that ended the pass in the tick after these, if one did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fault: Option<String>,
-    /// Tick by tick, if that was kept.
+    /// Tip and force of every tick, if they were recorded.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub tape: Vec<Taped>,
+    pub tape: Vec<RecordedTick>,
 }
 
-/// A tick to look at again.
+/// A tick worth replaying.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TickToReplay {
-    /// Its pass.
+    /// Number of the pass.
     pub pass: u32,
-    /// Counted from 0 in its pass.
+    /// Number of the tick in its pass, from 0.
     pub tick: u64,
-    /// Why it is here.
-    pub why: Why,
+    /// Why the tick is worth replaying.
+    pub why: ReplayReason,
 }
 
-/// What makes a tick worth another look.
+/// A reason to replay a tick.
 ///
 /// ```
-/// use stickslip::session::Why;
+/// use stickslip::session::ReplayReason;
 ///
-/// let written = serde_json::to_value(Why::HandOver)?;
-/// assert_eq!(written, Why::HandOver.name());
-/// assert_eq!(serde_json::from_value::<Why>(written)?, Why::HandOver);
+/// let written = serde_json::to_value(ReplayReason::HandOver)?;
+/// assert_eq!(written, ReplayReason::HandOver.name());
+/// assert_eq!(serde_json::from_value::<ReplayReason>(written)?, ReplayReason::HandOver);
 /// # Ok::<(), serde_json::Error>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Why {
-    /// From the start of its tick to its command.
+pub enum ReplayReason {
+    /// The longest time from the tick's release to its command.
     #[serde(rename = "longest response")]
     LongestResponse,
-    /// Of the servo thread.
+    /// The most CPU time used by the servo thread.
     #[serde(rename = "most CPU time")]
     MostCpuTime,
     /// The tip meets the surface.
     #[serde(rename = "contact onset")]
     ContactOnset,
-    /// The contact point goes to another triangle.
+    /// The contact point moves to another triangle.
     #[serde(rename = "edge crossed")]
     EdgeCrossed,
-    /// The first tick of a model, in contact.
+    /// The first tick of a new model, in contact.
     #[serde(rename = "model handed over")]
     HandOver,
-    /// Long after everything has decayed, where subnormal numbers would show.
+    /// A tick long after all motion has decayed, where subnormal numbers would slow it down.
     #[serde(rename = "rest after long decay")]
     Rest,
 }
 
-impl Why {
-    /// As it is said in files and tables.
+impl ReplayReason {
+    /// Returns the name used in files and tables.
     pub fn name(self) -> &'static str {
         match self {
-            Why::LongestResponse => "longest response",
-            Why::MostCpuTime => "most CPU time",
-            Why::ContactOnset => "contact onset",
-            Why::EdgeCrossed => "edge crossed",
-            Why::HandOver => "model handed over",
-            Why::Rest => "rest after long decay",
+            ReplayReason::LongestResponse => "longest response",
+            ReplayReason::MostCpuTime => "most CPU time",
+            ReplayReason::ContactOnset => "contact onset",
+            ReplayReason::EdgeCrossed => "edge crossed",
+            ReplayReason::HandOver => "model handed over",
+            ReplayReason::Rest => "rest after long decay",
         }
     }
 }
 
-/// A recorded session: the scene, what decides how it went, and what came out.
+/// A recorded session: the scene, what decides the course of its runs, and their results.
 ///
 /// ```
-/// use stickslip::session::{Checksum, RecordedPass, Replayed, Session, replay};
+/// use stickslip::session::{Checksum, RecordedPass, ReplayOutcome, Session, replay};
 /// use stickslip::multirate::timeline::{Arrival, OverrunPolicy, RecordedTimes};
 /// use stickslip::scene::Scene;
 ///
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
 /// let mut session = Session::new(&scene, OverrunPolicy::Hold);
-/// // 200 ticks, of which one was late, with a model that took 30 ticks to come.
+/// // 200 ticks, one of them late, and a model that arrived after 30 ticks.
 /// let arrivals = vec![Arrival { from: 100, at: 130 }];
 /// let times = RecordedTimes { arrivals, late: vec![150], skipped: vec![] };
 /// let checksum = Checksum::default().text();
 /// let mut pass = RecordedPass { pass: 0, ticks: 200, times, checksum, fault: None, tape: vec![] };
 ///
-/// // With the checksum of no force at all it is another run; with its own it is the same.
+/// // With the checksum of no force at all the replay differs; with its own it is the same.
 /// let mut commanded = Checksum::default();
 /// let replayed = replay(session.prepare(&scene, &pass)?, &pass, |tick| commanded.add(tick.force));
-/// assert_eq!(replayed, Replayed::Differs { tick: None });
+/// assert_eq!(replayed, ReplayOutcome::Differs { tick: None });
 /// pass.checksum = commanded.text();
 /// session.passes.push(pass);
 ///
-/// // So it is after a way through a file.
+/// // It is still the same after writing the session to a file and reading it.
 /// let folder = tempfile::tempdir()?;
 /// let file = folder.path().join("session.json");
 /// std::fs::write(&file, serde_json::to_string(&session)?)?;
 /// let session = Session::load(&file)?;
 /// let again = session.prepare(&session.scene()?, &session.passes[0])?;
-/// assert_eq!(replay(again, &session.passes[0], |_| ()), Replayed::Same { fault: None });
+/// assert_eq!(replay(again, &session.passes[0], |_| ()), ReplayOutcome::Same { fault: None });
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Session {
     format: String,
-    /// Of the program that recorded it.
+    /// Version of the program that recorded the session.
     pub version: String,
-    /// Where the scene came from; files that it names are relative to it.
+    /// Path of the scene; files that the scene names are relative to it.
     pub scene_path: PathBuf,
     /// The scene's TOML.
     pub scene: String,
-    /// Of its local loop, Hz: another one than the scene's if that was asked for.
+    /// Rate of the local loop, Hz; it may override the scene's.
     pub rate_hz: f64,
-    /// What a missed deadline did.
+    /// Policy for missed deadlines.
     pub overrun: OverrunPolicy,
-    /// Its passes, ascending; not every one need be here.
+    /// Recorded passes, in ascending order; some may be absent.
     pub passes: Vec<RecordedPass>,
-    /// Ticks to look at again.
+    /// Ticks worth replaying.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub worst: Vec<TickToReplay>,
 }
 
-/// Why a session cannot be run again.
+/// A reason why a session cannot be replayed.
 #[derive(Debug, Error, Diagnostic)]
 pub enum SessionError {
     /// The file cannot be read.
     #[error("cannot read {path}")]
-    #[diagnostic(help("give the session.json that a run with `schedule = \"threads\"` or a certificate left"))]
+    #[diagnostic(help("give the session.json that a run with `schedule = \"threads\"` or a certificate wrote"))]
     Unreadable {
-        /// Which.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// The file is something else.
+    /// The file is not a recorded session.
     #[error("{path} is not a recorded session")]
-    #[diagnostic(help("give the session.json that a run with `schedule = \"threads\"` or a certificate left"))]
+    #[diagnostic(help("give the session.json that a run with `schedule = \"threads\"` or a certificate wrote"))]
     NotASession {
-        /// Which.
+        /// Path of the file.
         path: PathBuf,
-        /// The parser's words, with line and column.
+        /// The parser's message, with line and column.
         source: serde_json::Error,
     },
-    /// Of another format.
+    /// The file has another format version.
     #[error("{path} has the format `{found}`; this program reads `{FORMAT}`")]
     #[diagnostic(help("replay it with the version of the program that recorded it"))]
     Format {
-        /// Which.
+        /// Path of the file.
         path: PathBuf,
-        /// Its format.
+        /// Format named in the file.
         found: String,
     },
-    /// Its scene.
+    /// The session's scene is not accepted.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Scene(#[from] SceneError),
 }
 
-/// How a pass went the second time.
+/// The result of replaying a pass.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Replayed {
-    /// The same, to the bit; with the fault that ended both, if one did.
+pub enum ReplayOutcome {
+    /// The replay is the same to the bit, including the fault that ended both, if one did.
     Same {
-        /// What ended it.
+        /// The fault that ended both runs, if one did.
         fault: Option<Box<Fault>>,
     },
-    /// Another tip or force.
+    /// The replay has another tip or force.
     Differs {
-        /// The first tick that differs; `None` if only the checksum was kept.
+        /// First tick that differs; `None` if only the checksum was recorded.
         tick: Option<u64>,
     },
-    /// A fault, where there was none, or none where there was one.
+    /// The replay ended with a fault that the recording does not have, or without the one that it has.
     Ended {
-        /// Ticks that were done.
+        /// Number of ticks completed by the replay.
         ticks: u64,
-        /// What ended it.
+        /// The fault that ended the replay, if one did.
         fault: Option<Box<Fault>>,
     },
 }
 
 impl Session {
-    /// A session without passes yet.
+    /// Creates a session without passes.
     pub fn new(scene: &Scene, overrun: OverrunPolicy) -> Self {
         Self {
             format: FORMAT.to_owned(),
@@ -277,10 +277,10 @@ impl Session {
         }
     }
 
-    /// Reads one.
+    /// Reads a session from a file.
     ///
     /// # Errors
-    /// If the file cannot be read, or is something else.
+    /// If the file cannot be read or is not a session of this format.
     pub fn load(path: &Path) -> Result<Self, SessionError> {
         let text =
             fs::read_to_string(path).map_err(|source| SessionError::Unreadable { path: path.to_owned(), source })?;
@@ -292,10 +292,10 @@ impl Session {
         Ok(session)
     }
 
-    /// Its scene, at its rate.
+    /// Builds the session's scene at its recorded rate.
     ///
     /// # Errors
-    /// If it is none, names a file that is gone, or was built in Rust.
+    /// If the text is not a valid scene, as where the scene was built in Rust, or names a file that no longer exists.
     pub fn scene(&self) -> Result<Scene, SceneError> {
         let scene = Scene::parse(&self.scene, &self.scene_path)?;
         let is_own_rate = scene.local_rate_hz().to_bits() == self.rate_hz.to_bits();
@@ -304,28 +304,28 @@ impl Session {
         Ok(scene)
     }
 
-    /// A pass, ready to run as it went.
+    /// Prepares a run with the recorded times of a pass.
     ///
     /// # Errors
-    /// If the scene cannot start.
+    /// If the scene cannot be prepared.
     pub fn prepare(&self, scene: &Scene, pass: &RecordedPass) -> Result<Simulation, SceneError> {
         let timeline = Timeline::Recorded { times: pass.times.clone(), overrun: self.overrun };
         Ok(Simulation::prepare(scene)?.with_timeline(timeline))
     }
 }
 
-/// Runs a pass again and compares; `observe` is called after every tick.
-pub fn replay(simulation: Simulation, recorded: &RecordedPass, mut observe: impl FnMut(&TickView)) -> Replayed {
+/// Replays a pass and compares it with the recording; `observe` is called after every tick.
+pub fn replay(simulation: Simulation, recorded: &RecordedPass, mut observe: impl FnMut(&TickView)) -> ReplayOutcome {
     let mut run = Lockstep::new(simulation);
     let (mut ticks, mut checksum, mut differs) = (0, Checksum::default(), None);
     let mut fault = None;
-    // A recorded fault comes in the tick after the last that was done.
+    // A recorded fault comes in the tick after the last completed one.
     let last = recorded.ticks + u64::from(recorded.fault.is_some());
     while ticks < last && fault.is_none() {
         match run.step() {
             Ok(Some(view)) => {
                 checksum.add(view.force);
-                let taped = Taped::new(view.tip, view.force);
+                let taped = RecordedTick::new(view.tip, view.force);
                 let was = recorded.tape.get(view.tick as usize);
                 if differs.is_none() && was.is_some_and(|was| !was.is_same(&taped)) {
                     differs = Some(view.tick);
@@ -338,10 +338,10 @@ pub fn replay(simulation: Simulation, recorded: &RecordedPass, mut observe: impl
         }
     }
     if differs.is_some() || (ticks == recorded.ticks && checksum.text() != recorded.checksum) {
-        Replayed::Differs { tick: differs }
+        ReplayOutcome::Differs { tick: differs }
     } else if ticks == recorded.ticks && fault.as_ref().map(ToString::to_string) == recorded.fault {
-        Replayed::Same { fault }
+        ReplayOutcome::Same { fault }
     } else {
-        Replayed::Ended { ticks, fault }
+        ReplayOutcome::Ended { ticks, fault }
     }
 }

@@ -1,8 +1,8 @@
-//! Instructions of ticks of `fig5-stick-slip` and of the forces of a network, held below limits.
+//! Instruction counts of ticks of `fig5-stick-slip` and of the forces of a network, with upper limits.
 //!
 //! `cargo bench --package stickslip-instructions`; needs valgrind and
 //! `cargo install gungraun-runner --version 0.20.0`. Counts depend on the compiler and the target
-//! features, not on how busy the machine is.
+//! features, not on the load of the machine.
 
 use std::hint::black_box;
 
@@ -16,8 +16,8 @@ use stickslip::pipeline::Simulation;
 use stickslip::scene::Scene;
 
 const TICKS: u64 = 100;
-/// A limit is what was measured (x86-64 with SSE2, rustc 1.95) and a tenth more: another compiler
-/// moves counts by some percent, an allocation or a second sweep in a tick by more.
+/// Ratio of a limit to the measured count (x86-64 with SSE2, rustc 1.95): another compiler
+/// changes counts by some percent, an allocation or a second sweep in a tick by more.
 const MARGIN: f64 = 1.1;
 const TICKS_IN_CONTACT: u64 = 1_709_183;
 const TICKS_FREE: u64 = 1_462_583;
@@ -25,7 +25,7 @@ const FORCES: u64 = 103_889;
 const PRESSED: f64 = -0.003;
 const HOVERING: f64 = 0.0005;
 
-/// The local side, and a tip that goes back and forth by a millimetre at 50 mm/s.
+/// Local side, and a tip that moves back and forth by a millimetre at 50 mm/s.
 struct Ticking {
     local: LocalSimulation,
     tick: u64,
@@ -48,7 +48,7 @@ fn simulation() -> Simulation {
     Simulation::prepare(&scene).expect("it starts outside")
 }
 
-/// Down to a height through the surface, as a collision needs, and on until the pressing is over.
+/// Moves the tip down through the surface to a height, as a collision requires, until the press is over.
 fn ticking(height: f64) -> (Ticking, f64) {
     let local = simulation().into_sides().servo.into_local();
     let mut ticking = Ticking { local, tick: 0, before: Vec3::new(-0.03, 0.0013, 0.002) };
@@ -74,7 +74,7 @@ fn network() -> (Network, State, Vec<Vec3>) {
     (network, state, f)
 }
 
-/// A run fails if it takes more, by the margin.
+/// Builds a limit: a run fails if its count exceeds the measured one by the margin.
 fn limit(measured: u64) -> LibraryBenchmarkConfig {
     let mut config = LibraryBenchmarkConfig::default();
     let mut callgrind = Callgrind::default();

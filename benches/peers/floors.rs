@@ -1,17 +1,17 @@
-//! What no loop over springs can do without, timed alone on this machine: a root and a division per spring, and its
-//! three numbers from memory.
+//! Lower bounds for any loop over springs, timed alone on this machine: a root and a division per spring, and reading
+//! its three numbers from memory.
 
 use std::hint::black_box;
 use std::time::Instant;
 
-/// Bytes of k, c and L.
+/// Size of k, c and L, bytes.
 const SPRING_BYTES: usize = 24;
-/// Calls of which the fastest counts: a floor.
+/// Number of calls, of which the fastest counts.
 const REPEATS: usize = 200;
-/// Roots at once: inputs and outputs lie in the first cache.
+/// Number of roots at once: inputs and outputs lie in the first-level cache.
 const LENGTHS: usize = 1024;
 
-/// ns per spring of `1 / sqrt`, by the instructions that every CPU has and by AVX2 where this one has it.
+/// Times `1 / sqrt`, ns per spring, with the instructions that every CPU has and with AVX2 where available.
 pub fn root_and_division_ns() -> (f64, Option<f64>) {
     (fastest_ns(reciprocal_roots) / LENGTHS as f64, wide().map(|roots| fastest_ns(roots) / LENGTHS as f64))
 }
@@ -44,7 +44,7 @@ fn wide() -> Option<Roots> {
     fn reciprocal_roots_avx2(squares: &[f64], inverse: &mut [f64]) {
         reciprocal_roots(squares, inverse);
     }
-    // SAFETY: only called where the CPU has been found to have AVX2.
+    // SAFETY: called only where the CPU is known to have AVX2.
     std::arch::is_x86_feature_detected!("avx2")
         .then_some(|squares, inverse| unsafe { reciprocal_roots_avx2(squares, inverse) })
 }
@@ -54,7 +54,7 @@ fn wide() -> Option<Roots> {
     None
 }
 
-/// ns to read k, c and L of a spring, of so many in a row.
+/// Times reading k, c and L of a spring, ns, of `springs` in a row.
 pub fn reading_ns(springs: usize) -> f64 {
     let numbers = vec![1.0_f64; springs * SPRING_BYTES / size_of::<f64>()];
     let reads = (0..REPEATS).map(|_| {

@@ -1,7 +1,7 @@
-//! The same networks, the same step and as many steps by this library and by what people use else, one process each,
-//! taking turns: processor time per spring and step, memory, and the error against a fine step.
+//! This library and other widely used simulators on identical networks with identical steps, one process each, taking
+//! turns: processor time per spring and step, memory, and the error compared with a fine step.
 //!
-//! `reference/peers/install`, then `cargo bench --bench peers`; names of networks after `--` choose some.
+//! Run `reference/peers/install`, then `cargo bench --bench peers`; names of networks after `--` select some.
 
 mod floors;
 mod network;
@@ -22,17 +22,17 @@ use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper};
 use crate::network::{NetworkFile, STEP, cases, largest, root_mean_square, vectors};
 use crate::peer::{Failure, PEERS, Peer, Program, Running};
 
-/// Steps of the trajectory: 0.05 s.
+/// Steps of the trajectory, 0.05 s.
 const STEPS: u32 = 50;
-/// Steps of the reference, RK4, in one step: of fourth order, against the first of what it is held against.
+/// RK4 substeps of the reference in one step: fourth order, compared with the first order of the peers.
 const SUBSTEPS: u32 = 16;
-/// For any one answer, by the clock: building the model, or the trajectory. A peer that needs longer is cut off.
+/// Time limit of a reply, by the clock, for building the model or for the trajectory. A slower peer is cut off.
 const BUDGET: Duration = Duration::from_secs(60);
-/// Rounds of one network. A peer leaves them, within limits, when its turns have taken so many seconds.
+/// Time that a peer's turns on one network may take, s; within the limits of rounds, the peer then stops.
 const TURNS_BUDGET: f64 = 5.0;
 const LEAST_ROUNDS: usize = 3;
 const MOST_ROUNDS: usize = 31;
-/// What a peer's turn lasts at least, if that takes no more than `MOST_REPEATS` trajectories.
+/// Least duration of a peer's turn, s, if that takes no more than `MOST_REPEATS` trajectories.
 const TURN: f64 = 0.02;
 const MOST_REPEATS: u32 = 100;
 
@@ -41,9 +41,9 @@ const MOST_REPEATS: u32 = 100;
 struct Row {
     peer: &'static str,
     differs: &'static str,
-    /// Why there are none.
+    /// Reason for which there are no figures.
     failure: Option<String>,
-    /// Whether that is for another reason than time.
+    /// Whether that reason is other than time.
     broken: bool,
     #[serde(flatten)]
     figures: Option<Figures>,
@@ -55,12 +55,12 @@ struct Figures {
     memory_growth_bytes: Option<u64>,
     /// RMS of the differences to the reference, in units of the initial displacement's RMS.
     error: f64,
-    /// Largest difference to the first peer, in the same units, and what is accepted.
+    /// Largest difference to the first peer, in those units, and its accepted bound.
     difference: f64,
     agreement: Option<f64>,
-    /// Median over rounds.
+    /// Median over rounds, ns.
     ns_per_spring_step: f64,
-    /// To the first peer: quartiles of the ratios within rounds.
+    /// Quartiles of the ratios to the first peer within rounds.
     ratio_quartiles: [f64; 3],
     rounds: usize,
 }
@@ -81,19 +81,19 @@ struct Report {
     steps: u32,
     root_and_division_ns: f64,
     root_and_division_avx2_ns: Option<f64>,
-    /// k, c and L of every spring of the largest block, from memory.
+    /// Time to read k, c and L of every spring of the largest block from memory, ns per spring.
     reading_ns: f64,
     cases: Vec<Case>,
 }
 
-/// A peer that has done its first trajectory.
+/// Peer that has done its first trajectory.
 struct Contender {
     running: Running,
     build_s: f64,
     memory_growth_bytes: Option<u64>,
     positions: Vec<Vec3>,
     repeats: u32,
-    /// Per trajectory, of each round.
+    /// Time per trajectory in each round, s.
     seconds: Vec<f64>,
 }
 
@@ -133,7 +133,7 @@ fn compare(chosen: &[&str]) -> Result<ExitCode, Box<dyn Error>> {
         reading_ns: floors::reading_ns(all.iter().map(|(_, file)| file.spring_count()).max().unwrap_or(1)),
         cases: Vec::new(),
     };
-    // Peers that were cut off, and at how many springs: with more they are not tried.
+    // Peers that were cut off, with the number of springs: larger networks are not tried.
     let mut cut_off: Vec<(&'static str, usize)> = Vec::new();
     print_floors(&report);
     for (name, file) in all.iter().filter(|(name, _)| chosen.is_empty() || chosen.contains(&name.as_str())) {
@@ -148,7 +148,7 @@ fn compare(chosen: &[&str]) -> Result<ExitCode, Box<dyn Error>> {
     Ok(if wrong { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
-/// One network: every peer's first trajectory, then rounds in which those that are left take turns.
+/// Measures one network: every peer's first trajectory, then rounds in which the remaining peers take turns.
 fn measure(
     name: &str,
     file: &NetworkFile,
@@ -217,7 +217,7 @@ fn measure(
 }
 
 impl Contender {
-    /// Starts a peer and lets it do the trajectory once.
+    /// Starts a peer and runs the trajectory once.
     fn start(peer: &Peer, directory: &Path, network: &Path) -> Result<Self, Failure> {
         let mut running = Running::start(peer, directory, network)?;
         running.answer("starting", BUDGET)?;
@@ -236,13 +236,13 @@ impl Contender {
         Ok(Self { running, build_s, memory_growth_bytes, positions, repeats, seconds: Vec::new() })
     }
 
-    /// Whether it takes part in one more round.
+    /// Returns whether the peer takes part in one more round.
     fn stays(&self) -> bool {
         let spent = self.seconds.iter().sum::<f64>() * f64::from(self.repeats);
         self.seconds.len() < LEAST_ROUNDS || spent < TURNS_BUDGET
     }
 
-    /// Its turn in a round: the trajectory from the start, some times over.
+    /// Takes a turn in a round: the trajectory from the start, several times.
     fn turn(&mut self) -> Result<(), Failure> {
         let mut sum = 0.0;
         for _ in 0..self.repeats {
@@ -254,14 +254,14 @@ impl Contender {
     }
 }
 
-/// Runs the trajectory: its processor time, s.
+/// Runs the trajectory and returns its processor time, s.
 fn seconds(running: &mut Running) -> Result<f64, Failure> {
     let command = format!("run {STEPS}");
     let answer = running.ask(&command, BUDGET)?;
     answer.parse().map_err(|_| Failure::Answer { to: command, answer })
 }
 
-/// Where the trajectory ends, by RK4 and a fine step.
+/// Returns the end of the trajectory by RK4 with a fine step.
 fn fine_trajectory(file: &NetworkFile) -> Vec<Vec3> {
     let network = file.network();
     let mut state = file.initial();
@@ -278,7 +278,7 @@ fn quartiles(values: &[f64]) -> [f64; 3] {
     [1, 2, 3].map(|quarter| sorted.get(sorted.len() * quarter / 4).copied().unwrap_or(f64::NAN))
 }
 
-/// The processor's name; none where Linux's /proc is not.
+/// Returns the processor's name; none without Linux's /proc.
 fn processor() -> Option<String> {
     let info = fs::read_to_string("/proc/cpuinfo").ok()?;
     let line = info.lines().find(|line| line.starts_with("model name"))?;
@@ -286,7 +286,7 @@ fn processor() -> Option<String> {
 }
 
 impl Row {
-    /// Whether the positions are further from the first peer's than they may be.
+    /// Returns whether the positions are further from the first peer's than accepted.
     fn disagrees(&self) -> bool {
         let limits = self.figures.as_ref().and_then(|figures| Some((figures.difference, figures.agreement?)));
         limits.is_some_and(|(difference, agreement)| !(difference <= agreement))
@@ -300,7 +300,7 @@ fn print_floors(report: &Report) {
     println!("k, c and L from memory, all springs of the largest network: {:.2} ns per spring", report.reading_ns);
 }
 
-/// The table of one network; `floor_ns` is the root and division of a spring.
+/// Prints the table of one network; `floor_ns` is the time of the root and division of a spring.
 fn print(case: &Case, floor_ns: f64) {
     println!("\n{}: {} nodes, {} springs, {STEPS} steps of {STEP} s", case.network, case.nodes, case.springs);
     println!(

@@ -1,4 +1,4 @@
-//! The networks that every peer simulates, and the file by which they get them.
+//! Networks that every peer simulates, and the file in which they are passed.
 
 use std::f64::consts::TAU;
 use std::fs::File;
@@ -16,28 +16,28 @@ use stickslip::model::state::State;
 
 /// Distance between lattice neighbours, m.
 const SPACING: f64 = 0.0125;
-/// Every node, kg; every spring, N/m and N·s/m.
+/// Mass of every node, kg; stiffness, N/m, and damping, N·s/m, of every spring.
 const MASS: f64 = 0.01;
 const STIFFNESS: f64 = 100.0;
 /// Light enough for the block to swing, and for semi-implicit Euler at [`STEP`]: the fastest mode has about 400/s.
 const DAMPING: f64 = 0.1;
-/// s.
+/// Time step, s.
 pub const STEP: f64 = 1e-3;
 
-/// A network in its initial state, as it is written; SI units.
+/// Network in its initial state, as written to the file; SI units.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct NetworkFile {
     rest: Vec<[f64; 3]>,
     mass: Vec<f64>,
     fixed: Vec<bool>,
-    /// i, j, k, c, L.
+    /// Springs as (i, j, k, c, L).
     springs: Vec<(u32, u32, f64, f64, f64)>,
     x: Vec<[f64; 3]>,
     v: Vec<[f64; 3]>,
     step: f64,
 }
 
-/// What is compared on, each with its name: blocks from few springs to many, then the irregular ones.
+/// Returns the networks with their names: blocks from few springs to many, then the irregular ones.
 pub fn cases() -> Vec<(String, NetworkFile)> {
     let networks = [
         ("block", NetworkFile::new(&block(5), 1)),
@@ -54,11 +54,11 @@ fn block(side: usize) -> Mesh {
     Block { nodes: [side; 3], spacing: SPACING, stencil: Stencil::Full }.mesh()
 }
 
-/// The nodes of a block within `radius` lattice steps of its centre, numbered without gaps in the block's order.
+/// Returns the nodes of a block within `radius` lattice steps of its centre, numbered without gaps in block order.
 fn ball(radius: usize) -> Mesh {
     let cube = block(2 * radius + 1);
     let centre = cube.nodes.iter().sum::<Vec3>() / cube.nodes.len() as f64;
-    // Half a step in squared distance beyond: which nodes belong to it does not hang on rounding.
+    // The limit is half a step in squared distance further out, so that membership does not depend on rounding.
     let limit = SPACING * SPACING * ((radius * radius) as f64 + 0.5);
     let mut nodes = Vec::new();
     let number: Vec<Option<u32>> = cube
@@ -76,7 +76,7 @@ fn ball(radius: usize) -> Mesh {
     Mesh { nodes, edges, triangles: Vec::new(), tetrahedra: Vec::new() }
 }
 
-/// The same mesh with its nodes numbered at random: no two springs join the same distance in the numbering but by
+/// Returns a mesh with its nodes numbered at random: springs join equal distances in the numbering only by
 /// chance.
 fn shuffled(mesh: &Mesh) -> Mesh {
     let mut random = ChaCha8Rng::seed_from_u64(1);
@@ -89,9 +89,9 @@ fn shuffled(mesh: &Mesh) -> Mesh {
 }
 
 impl NetworkFile {
-    /// Springs along the edges of a mesh whose lowest layers of nodes are fixed; stretched upwards by 5 %, sheared by
-    /// 10 %, bent by a wave, and moving across. Springs between fixed nodes, which do nothing, are left out, since not
-    /// every peer would compute them.
+    /// Builds springs along the edges of a mesh whose lowest layers of nodes are fixed; stretched upwards by 5 %,
+    /// sheared by 10 %, bent by a wave, and moving across. Springs between fixed nodes, which have no effect, are
+    /// omitted, since not every peer would compute them.
     fn new(mesh: &Mesh, fixed_layers: usize) -> Self {
         let heights = || mesh.nodes.iter().map(|node| node.z);
         let bottom = heights().fold(f64::INFINITY, f64::min);
@@ -119,29 +119,29 @@ impl NetworkFile {
         }
     }
 
-    /// Reads a file that [`write`](Self::write) has written.
+    /// Reads a file written by [`write`](Self::write).
     pub fn read(path: &Path) -> std::io::Result<Self> {
         Ok(serde_json::from_reader(BufReader::new(File::open(path)?))?)
     }
 
-    /// Writes it as JSON. Numbers are in shortest round-trip form: whoever reads them has the same bits.
+    /// Writes the network as JSON. Numbers have the shortest round-trip form, so that readers obtain identical bits.
     pub fn write(&self, path: &Path) -> std::io::Result<()> {
         let mut file = BufWriter::new(File::create(path)?);
         serde_json::to_writer(&mut file, self)?;
         file.flush()
     }
 
-    /// Springs.
+    /// Returns the number of springs.
     pub fn spring_count(&self) -> usize {
         self.springs.len()
     }
 
-    /// Nodes.
+    /// Returns the number of nodes.
     pub fn node_count(&self) -> usize {
         self.rest.len()
     }
 
-    /// As the library has it.
+    /// Builds the library's network.
     pub fn network(&self) -> Network {
         let springs: Vec<Spring> = self
             .springs
@@ -151,29 +151,29 @@ impl NetworkFile {
         Network::from_parts(vectors(&self.rest), self.mass.clone(), self.fixed.clone(), &springs, Vec::new())
     }
 
-    /// Where it starts.
+    /// Returns the initial state.
     pub fn initial(&self) -> State {
         State { x: vectors(&self.x), v: vectors(&self.v) }
     }
 
-    /// Root of the mean square of the nodes' displacements at the start, m: the unit of all differences.
+    /// Returns the root mean square of the nodes' initial displacements, m: the unit of all differences.
     pub fn initial_displacement(&self) -> f64 {
         root_mean_square(&vectors(&self.x), &vectors(&self.rest))
     }
 }
 
-/// Vectors out of a file or an answer.
+/// Converts vectors from a file or a reply.
 pub fn vectors(values: &[[f64; 3]]) -> Vec<Vec3> {
     values.iter().map(|&value| value.into()).collect()
 }
 
-/// Of the distances between positions of the same nodes, m.
+/// Returns the root mean square of the distances between positions of the same nodes, m.
 pub fn root_mean_square(a: &[Vec3], b: &[Vec3]) -> f64 {
     let sum: f64 = a.iter().zip(b).map(|(a, b)| (a - b).norm_squared()).sum();
     (sum / a.len() as f64).sqrt()
 }
 
-/// The largest of them, m; NaN where one is.
+/// Returns the largest of these distances, m; NaN if one of them is.
 pub fn largest(a: &[Vec3], b: &[Vec3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).norm()).fold(0.0, |largest, next| if next <= largest { largest } else { next })
 }

@@ -1,4 +1,4 @@
-//! Peers as processes that answer: what there is, how one is started, asked and watched.
+//! Peers as processes that serve requests: their list, and how one is started, asked and observed.
 
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, Write};
@@ -7,32 +7,32 @@ use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
-/// What simulates.
+/// Program of a peer.
 #[derive(Debug, Clone, Copy)]
 pub enum Program {
-    /// This program, by an integrator of the library and so many threads.
+    /// This program, with an integrator of the library and a number of threads.
     Ours(&'static str, &'static str),
-    /// A file in `reference/peers`, and its second argument.
+    /// A script in `reference/peers`, and its second argument.
     Python(&'static str, &'static str),
 }
 
-/// A row of the table.
+/// Row of the table.
 #[derive(Debug, Clone, Copy)]
 pub struct Peer {
     pub name: &'static str,
     pub program: Program,
-    /// What it does otherwise than the first.
+    /// Differences from the first peer's method.
     pub differs: &'static str,
-    /// By how much its positions may differ from the first's, in units of the initial displacement; none where the
-    /// scheme is another one.
+    /// Largest accepted difference of its positions from the first peer's, in units of the initial displacement; none
+    /// where the scheme differs.
     pub agreement: Option<f64>,
 }
 
-/// All of them compute in one thread, but for the one that says so. The first is what the others are held against.
+/// All peers compute in one thread, except for the one that states two. All are compared with the first.
 ///
-/// Agreement: sums of some 26 forces a node in another order are off by a few roundings of 1e-16 a step, which fifty
-/// steps add up and a lightly damped network keeps. Measured: 7e-15. In single precision a rounding is 6e-8, and
-/// positions are up to ten times as large as displacements: fifty of them are 3e-5. Measured: 3.6e-6.
+/// Agreement: sums of some 26 forces a node in another order differ by a few roundings of 1e-16 a step, which
+/// accumulate over fifty steps and persist in a lightly damped network. Measured: 7e-15. In single precision a rounding
+/// is 6e-8, and positions are up to ten times as large as displacements: fifty of them are 3e-5. Measured: 3.6e-6.
 pub const PEERS: [Peer; 8] = [
     Peer {
         name: "stickslip semi-implicit Euler",
@@ -87,26 +87,26 @@ pub const PEERS: [Peer; 8] = [
 /// Why a peer has no figures.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
-    #[error("cut off: no answer to `{to}` within {} s", .budget.as_secs())]
+    #[error("cut off: no reply to `{to}` within {} s", .budget.as_secs())]
     Budget { to: String, budget: Duration },
     #[error("not tried: cut off at {springs} springs")]
     NotTried { springs: usize },
     #[error("ended at `{to}`; see {log}")]
     Ended { to: String, log: String },
-    #[error("answered `{answer}` to `{to}`")]
+    #[error("replied `{answer}` to `{to}`")]
     Answer { to: String, answer: String },
     #[error(transparent)]
     Io(#[from] io::Error),
 }
 
 impl Failure {
-    /// Whether it only took too long.
+    /// Returns whether the peer only took too long.
     pub fn is_for_time(&self) -> bool {
         matches!(self, Failure::Budget { .. } | Failure::NotTried { .. })
     }
 }
 
-/// A peer that runs. Dropped, it is ended.
+/// Running peer; its process is ended on drop.
 pub struct Running {
     child: Child,
     commands: ChildStdin,
@@ -115,7 +115,7 @@ pub struct Running {
 }
 
 impl Running {
-    /// Starts a peer on a network; `directory` holds the environment of Python and takes what it prints.
+    /// Starts a peer on a network; `directory` contains the Python environment and receives the peer's output.
     pub fn start(peer: &Peer, directory: &Path, network: &Path) -> Result<Self, Failure> {
         let directory = fs::canonicalize(directory)?;
         let mut command = match peer.program {
@@ -133,7 +133,7 @@ impl Running {
         };
         let log = directory.join(format!("{}.log", peer.name.to_lowercase().replace(' ', "-")));
         let mut child = command
-            // MuJoCo leaves a log where it runs, Warp keeps compiled kernels.
+            // MuJoCo writes a log to its working directory, Warp keeps compiled kernels.
             .current_dir(&directory)
             .env("WARP_CACHE_PATH", directory.join("warp"))
             .envs(["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"].map(|name| (name, "1")))
@@ -155,14 +155,14 @@ impl Running {
         Ok(Self { child, commands, answers, log })
     }
 
-    /// Sends a command and waits for its answer.
+    /// Sends a command and waits for the reply.
     pub fn ask(&mut self, command: &str, budget: Duration) -> Result<String, Failure> {
-        // A peer that has ended is noticed when its answer does not come.
+        // A peer that has ended is noticed when its reply does not come.
         let _ = writeln!(self.commands, "{command}");
         self.answer(command, budget)
     }
 
-    /// Waits for an answer.
+    /// Waits for a reply.
     pub fn answer(&mut self, to: &str, budget: Duration) -> Result<String, Failure> {
         self.answers.recv_timeout(budget).map_err(|error| match error {
             RecvTimeoutError::Timeout => Failure::Budget { to: to.to_owned(), budget },
@@ -170,7 +170,7 @@ impl Running {
         })
     }
 
-    /// What it has in memory, bytes; none where Linux's /proc is not.
+    /// Returns the process's resident memory, bytes; none without Linux's /proc.
     pub fn resident_bytes(&self) -> Option<u64> {
         let status = fs::read_to_string(format!("/proc/{}/status", self.child.id())).ok()?;
         let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
@@ -180,7 +180,7 @@ impl Running {
 
 impl Drop for Running {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // The process may already have ended.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }

@@ -1,4 +1,4 @@
-//! Our side of the protocol of `reference/peers/protocol.py`: the library is a peer like the others, in a process of
+//! The library's side of the protocol of `reference/peers/protocol.py`: it is a peer like the others, in a process of
 //! its own.
 
 use std::error::Error;
@@ -14,7 +14,7 @@ use stickslip::model::state::State;
 
 use crate::network::{NetworkFile, STEP};
 
-/// The network as the library has it, and where it is.
+/// The library's network, and its state.
 struct Simulation {
     network: Network,
     state: State,
@@ -32,13 +32,13 @@ impl Simulation {
     }
 }
 
-/// Of this thread.
+/// Returns the CPU time of this thread.
 #[cfg(all(feature = "realtime", target_os = "linux"))]
 fn processor_time_s() -> f64 {
     stickslip::realtime::os::thread_cpu_ns() as f64 * 1e-9
 }
 
-/// The library reads that clock on Linux only; elsewhere all time passes for it.
+/// Returns the time by the clock: the library reads CPU time on Linux only.
 #[cfg(not(all(feature = "realtime", target_os = "linux")))]
 fn processor_time_s() -> f64 {
     use std::sync::LazyLock;
@@ -46,7 +46,7 @@ fn processor_time_s() -> f64 {
     START.elapsed().as_secs_f64()
 }
 
-/// Answers standard input until it ends. Where two threads compute, it is the clock that counts.
+/// Serves requests from standard input until it ends. With two threads the time is that of the clock.
 pub fn serve(integrator: GlobalIntegrator, threads: Threads, path: &Path) -> Result<(), Box<dyn Error>> {
     let file = NetworkFile::read(path)?;
     let mut simulation = None;

@@ -2,13 +2,9 @@
 
 use std::error::Error;
 
-use stickslip::contact::{law::Law, rules::Scheme};
-use stickslip::device::path::{TipPath, Waypoint};
-use stickslip::model::mesh::{Block, Stencil};
-use stickslip::model::network::Material;
-use stickslip::scene::{MeshSource, Scene};
-use stickslip::surface::geometry::ContactSurface;
-use stickslip::{Vec3, pipeline};
+use stickslip::{
+    Block, ContactSurface, Law, Material, MeshSource, Scene, Scheme, Stencil, TipPath, Vec3, Waypoint, run,
+};
 
 fn main() -> Result<(), Box<dyn Error>> {
     // 10 cm × 10 cm × 4 cm, its top at z = 0, its bottom layer fixed.
@@ -23,7 +19,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .with_global_rate_hz(50.0)?;
 
     let (mut peak_n, mut slipping) = (0.0_f64, 0_u64);
-    pipeline::run(&scene, |tick| {
+    run(&scene, |tick| {
         peak_n = peak_n.max(tick.force.norm());
         slipping += u64::from(tick.report.mode.name() == "slip");
     })?;

@@ -1,4 +1,4 @@
-//! `stickslip check`: results against accepted baselines.
+//! `stickslip check`: results compared with accepted baselines.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,11 +14,11 @@ use crate::output::files::{WriteError, write_json};
 use crate::scene::{SHIPPED, Scene, SceneError};
 use crate::verify::accept::accept;
 use crate::verify::baseline::{Provenance, Store};
-use crate::verify::compare::{Comparison, Outcome, compare};
+use crate::verify::compare::{Comparison, ComparisonOutcome, compare};
 use crate::verify::paired::{FEWEST_PAIRS, MOST_PAIRS};
 use crate::verify::results::Results;
 
-/// Where a clone of the project has its baselines.
+/// Folder of the baselines in a clone of the project.
 const IN_CLONE: &str = "fixtures/baselines";
 
 #[derive(Debug, Args)]
@@ -26,23 +26,23 @@ pub struct CheckArguments {
     /// Scene files or names of shipped scenes (default: all shipped scenes)
     #[arg(value_name = "SCENE")]
     scenes: Vec<PathBuf>,
-    /// Where check.json goes
+    /// Output folder of check.json
     #[arg(long, value_name = "DIR", default_value = "reports/check")]
     out: PathBuf,
-    /// Folder with a <scene name>.json for each scene (default: fixtures/baselines where there is
-    /// such a folder, else the baselines in the program)
+    /// Folder with a SCENE.json per scene (default: fixtures/baselines if there is such a folder, else the
+    /// baselines built into the program)
     #[arg(long, value_name = "DIR")]
     baselines: Option<PathBuf>,
-    /// Make the present results of a scene its baseline
+    /// Accept the present results of a scene as its baseline
     #[arg(long, value_name = "SCENE", requires = "reason", conflicts_with_all = ["scenes", "out", "time"])]
     accept: Option<PathBuf>,
-    /// Why they are right; kept in the baseline with the values they replace
+    /// Reason why the accepted results are right; kept in the baseline with the values that they replace
     #[arg(long, value_name = "TEXT", requires = "accept", value_parser = reason)]
     reason: Option<String>,
-    /// Then time this program against another one; says nothing about the verdict
+    /// Also compare the run times of this program and another one; the verdict does not depend on them
     #[arg(long, requires = "against")]
     time: bool,
-    /// The other program
+    /// Program to compare run times with
     #[arg(long, value_name = "PROGRAM", requires = "time")]
     against: Option<PathBuf>,
     /// Rounds in which both programs and the control take a turn
@@ -51,15 +51,15 @@ pub struct CheckArguments {
 }
 
 fn reason(text: &str) -> Result<String, String> {
-    if text.trim().is_empty() { Err("say what changed and why it is right".to_owned()) } else { Ok(text.to_owned()) }
+    if text.trim().is_empty() { Err("state what changed and why it is right".to_owned()) } else { Ok(text.to_owned()) }
 }
 
 fn rounds(text: &str) -> Result<usize, String> {
     let rounds = text.parse().ok().filter(|rounds| (FEWEST_PAIRS..=MOST_PAIRS).contains(rounds));
-    rounds.ok_or_else(|| format!("a whole number from {FEWEST_PAIRS} to {MOST_PAIRS} is needed"))
+    rounds.ok_or_else(|| format!("give a whole number from {FEWEST_PAIRS} to {MOST_PAIRS}"))
 }
 
-/// `check.json`.
+/// Contents of `check.json`.
 #[derive(Serialize)]
 struct CheckFile<'a> {
     version: &'static str,
@@ -68,22 +68,22 @@ struct CheckFile<'a> {
     scenes: &'a [Checked],
 }
 
-/// What `--accept` did.
+/// Outcome of `--accept`.
 #[derive(Serialize)]
 struct Accepted<'a> {
     scene: &'a str,
-    /// Where the new one is; absent if nothing differs.
+    /// Path of the new baseline; absent if nothing differs.
     baseline: Option<PathBuf>,
-    /// Quantities that had another value.
+    /// Number of quantities that had another value.
     replaced: usize,
 }
 
-/// A scene with its verdict.
+/// Comparison of a scene's results with its baseline.
 #[derive(Serialize)]
 pub struct Checked {
     pub scene: String,
     pub verdict: &'static str,
-    /// Why there was nothing to compare with.
+    /// Reason why there is no baseline to compare with, if so.
     pub problem: Option<String>,
     pub identical: usize,
     pub within_tolerance: usize,
@@ -105,15 +105,15 @@ impl Checked {
             Err(error) => (None, Vec::new(), Some(error.to_string())),
         };
         let count = |outcome| comparisons.iter().filter(|comparison| comparison.outcome == outcome).count();
-        let failed = count(Outcome::Fail);
+        let failed = count(ComparisonOutcome::Fail);
         let passes = failed == 0 && !comparisons.is_empty();
         Self {
             scene: scene.name.clone(),
             verdict: verdict(passes),
             problem,
-            identical: count(Outcome::Identical),
-            within_tolerance: count(Outcome::Within),
-            improved: count(Outcome::Improved),
+            identical: count(ComparisonOutcome::Identical),
+            within_tolerance: count(ComparisonOutcome::Within),
+            improved: count(ComparisonOutcome::Improved),
             failed,
             provenance,
             baseline_provenance,
@@ -128,7 +128,7 @@ fn verdict(passes: bool) -> &'static str {
 
 pub fn check(arguments: &CheckArguments) -> miette::Result<u8> {
     if arguments.time && wants_json() {
-        return Err(miette::miette!(help = "leave out --json, or --time", "times are printed as text only"));
+        return Err(miette::miette!(help = "omit --json or --time", "run times are printed as text only"));
     }
     if let (Some(scene), Some(reason)) = (&arguments.accept, &arguments.reason) {
         return accept_results(scene, reason, arguments.baselines.as_deref());
@@ -168,7 +168,7 @@ pub fn check(arguments: &CheckArguments) -> miette::Result<u8> {
     if let Some(table) = change_table(&checked) {
         say(table)?;
     }
-    say(format_args!("{}: every quantity in {}", verdict(passes), out.join("check.json").display()))?;
+    say(format_args!("{}: all quantities are in {}", verdict(passes), out.join("check.json").display()))?;
 
     if let Some(against) = &arguments.against {
         time::compare(&scenes, against, arguments.rounds)?;
@@ -182,7 +182,7 @@ fn accept_results(scene: &Path, reason: &str, folder: Option<&Path>) -> miette::
         Some(folder) => folder,
         None if Path::new(IN_CLONE).is_dir() => Path::new(IN_CLONE),
         None => miette::bail!(
-            help = "run it in a clone of the project, or give a folder with --baselines DIR",
+            help = "run the command in a clone of the project, or give a folder with --baselines DIR",
             "there is no folder {IN_CLONE} here"
         ),
     };
@@ -192,17 +192,17 @@ fn accept_results(scene: &Path, reason: &str, folder: Option<&Path>) -> miette::
     drop(progress);
     if let Some((quantity, tick)) = results.not_finite() {
         let place = tick.map_or(String::new(), |tick| format!(" at tick {tick}"));
-        eprintln!("{}: {quantity} is not finite{place}; this is not accepted", scene.name);
+        eprintln!("{}: {quantity} is not finite{place}; the results are not accepted", scene.name);
         return Ok(FAIL);
     }
     let present = Store::Folder(folder.to_owned()).load(&scene.name);
     let mut found = Accepted { scene: &scene.name, baseline: None, replaced: 0 };
     match accept(present, &scene, results, reason)? {
-        None => say(format_args!("{}: nothing differs from the baseline, which stays as it is", scene.name))?,
+        None => say(format_args!("{}: all results equal the baseline, which is unchanged", scene.name))?,
         Some(baseline) => {
             let path = baseline.save(folder)?;
             let replaced = baseline.accepted.last().map_or(0, |acceptance| acceptance.previous.len());
-            say(format_args!("{}: accepted, {replaced} quantities changed, in {}", scene.name, path.display()))?;
+            say(format_args!("{}: accepted with {replaced} changed quantities: {}", scene.name, path.display()))?;
             found = Accepted { baseline: Some(path), replaced, ..found };
         }
     }
@@ -210,16 +210,16 @@ fn accept_results(scene: &Path, reason: &str, folder: Option<&Path>) -> miette::
     Ok(PASS)
 }
 
-/// A line per scene that was checked.
+/// Builds the table of verdicts, with a row per scene.
 fn verdict_table(scenes: &[Checked]) -> Table {
     let mut table = Table::new();
     table.load_style(UTF8_FULL_CONDENSED).set_header(["scene", "verdict", "quantities"]);
     for scene in scenes {
-        let share = scene.comparisons.iter().filter(|c| c.outcome == Outcome::Within);
+        let share = scene.comparisons.iter().filter(|c| c.outcome == ComparisonOutcome::Within);
         let share = share.map(Comparison::share_of_tolerance).fold(0.0, f64::max);
         let within = match scene.within_tolerance {
             0 => String::new(),
-            count => format!(", {count} within tolerance (using up to {share:.1e} of it)"),
+            count => format!(", {count} within tolerance (largest difference: {share:.1e} of the tolerance)"),
         };
         let quantities = scene.problem.clone().unwrap_or_else(|| {
             let improved = if scene.improved > 0 { format!(", {} improved", scene.improved) } else { String::new() };
@@ -231,12 +231,12 @@ fn verdict_table(scenes: &[Checked]) -> Table {
     table
 }
 
-/// What failed or improved; none if nothing did.
+/// Builds the table of quantities that failed or improved; none if nothing did.
 fn change_table(scenes: &[Checked]) -> Option<Table> {
     let mut table = Table::new();
     let head = ["scene", "quantity", "baseline", "now", "difference", "tolerance", "first tick", "outcome"];
     table.load_style(UTF8_FULL_CONDENSED).set_header(head);
-    let shown = |c: &&Comparison| matches!(c.outcome, Outcome::Fail | Outcome::Improved);
+    let shown = |c: &&Comparison| matches!(c.outcome, ComparisonOutcome::Fail | ComparisonOutcome::Improved);
     for scene in scenes {
         for c in scene.comparisons.iter().filter(shown) {
             table.add_row([
@@ -247,7 +247,7 @@ fn change_table(scenes: &[Checked]) -> Option<Table> {
                 if c.difference.0.is_finite() { format!("{:+.3e}", c.difference.0) } else { "–".to_owned() },
                 format!("{:.1e}", c.tolerance.0),
                 c.first_tick.map_or("–".to_owned(), |tick| tick.to_string()),
-                if c.outcome == Outcome::Fail { "FAIL" } else { "improved" }.to_owned(),
+                if c.outcome == ComparisonOutcome::Fail { "FAIL" } else { "improved" }.to_owned(),
             ]);
         }
     }
@@ -256,7 +256,7 @@ fn change_table(scenes: &[Checked]) -> Option<Table> {
 
 fn value(value: &serde_json::Value) -> String {
     match value {
-        serde_json::Value::Null => "not a number, or missing".to_owned(),
+        serde_json::Value::Null => "missing, or not a number".to_owned(),
         serde_json::Value::String(text) if text.len() == 64 => format!("{}…", &text[..12]),
         serde_json::Value::String(text) => text.clone(),
         other => other.to_string(),

@@ -1,4 +1,4 @@
-//! `stickslip explain`: what a scene needs before it runs.
+//! `stickslip explain`: a scene's parts, sizes, costs and stability limits, before it runs.
 
 mod device;
 
@@ -7,13 +7,13 @@ use std::path::Path;
 use serde::Serialize;
 
 use self::device::DeviceFacts;
-use super::terminal::{hand_out, say};
+use super::terminal::{hand_out, say, significant};
 use super::{PASS, read};
 use crate::Vec3;
 use crate::dynamics::constraint::Threads;
 use crate::dynamics::integrators::GlobalIntegrator;
 use crate::dynamics::stability::{StepLimit, explicit_step_limit};
-use crate::local::condensation::Outcome;
+use crate::local::condensation::CondensationOutcome;
 use crate::local::model::Linearization;
 use crate::local::step::{LinearStep, LocalIntegrator};
 use crate::multirate::global::SyncMode;
@@ -45,24 +45,24 @@ struct Sizes {
     ticks_per_cycle: u32,
     patch_nodes: usize,
     patch_springs: usize,
-    /// The softest and the stiffest spring's.
+    /// Stiffness of the softest and of the stiffest spring.
     stiffness_n_per_m: [f64; 2],
-    /// The least and the most damped spring's.
+    /// Damping of the least and of the most damped spring.
     damping_n_s_per_m: [f64; 2],
 }
 
 #[derive(Serialize)]
 struct TickCost {
-    /// Rows and columns of [K D], or of what takes (x, v) over a tick, if the forces are linear; of C if
-    /// they are springs and the exterior is condensed.
+    /// Rows and columns of [K D], or of the matrix that advances (x, v) by a tick, if the forces are linear; those of C
+    /// if they are springs and the exterior is condensed.
     matrix: Option<[usize; 2]>,
-    /// Products with it in a free tick.
+    /// Products with the matrix in a free tick.
     products: u64,
-    /// Rows and columns of A⁻¹, a part of whose columns is read in contact, if it is used.
+    /// Rows and columns of A⁻¹, some of whose columns are read in contact; absent if it is not used.
     response: Option<[usize; 2]>,
-    /// Springs evaluated, if they are not.
+    /// Springs evaluated, if the forces are not linear.
     springs: Option<usize>,
-    /// Nodes that a contact point rests on, at most.
+    /// Largest number of nodes that a contact point rests on.
     contact_nodes: usize,
 }
 
@@ -71,7 +71,7 @@ struct CycleCost {
     force_evaluations: u32,
     springs: usize,
     new_models: u32,
-    /// Of the first model.
+    /// Static condensation of the first model.
     condensation: Option<CondensationCost>,
 }
 
@@ -89,12 +89,12 @@ struct Step {
     step_s: f64,
     limit_s: Option<f64>,
     omega_max_rad_s: f64,
-    /// The integrator, if it has no limit whatever the stiffness.
+    /// The integrator, if it is stable at every stiffness.
     unlimited: Option<&'static str>,
 }
 
 impl Step {
-    /// For integrators that are stable at every step as long as K is not indefinite.
+    /// Describes the step of an integrator that is stable at every step unless K is indefinite.
     fn unlimited(step_s: f64, limit: StepLimit, integrator: &'static str) -> Self {
         Self { limit_s: None, unlimited: Some(integrator), ..Self::new(step_s, limit) }
     }
@@ -111,16 +111,16 @@ impl Step {
     fn text(&self) -> String {
         if let Some(integrator) = self.unlimited {
             let turn = self.step_s * self.omega_max_rad_s;
-            return format!("{:.3} ms; no limit ({integrator}; ω_max h = {turn:.2})", 1e3 * self.step_s);
+            return format!("{:.3} ms; no stability limit ({integrator}; ω_max h = {turn:.2})", 1e3 * self.step_s);
         }
         match self.limit_s {
             Some(limit) => format!(
-                "{:.3} ms; stable up to {:.3} ms (2/ω_max alone would say {:.3} ms)",
+                "{:.3} ms; stable up to {:.3} ms ({:.3} ms without damping, 2/ω_max)",
                 1e3 * self.step_s,
                 1e3 * limit,
                 2e3 / self.omega_max_rad_s
             ),
-            None => format!("{:.3} ms; no limit", 1e3 * self.step_s),
+            None => format!("{:.3} ms; no stability limit", 1e3 * self.step_s),
         }
     }
 }
@@ -134,9 +134,32 @@ pub fn explain(scene: &Path) -> miette::Result<u8> {
 
 fn explanation(scene: &Scene) -> miette::Result<Explanation> {
     let simulation = Simulation::prepare(scene)?;
-    let (network, model) = (simulation.network(), simulation.local().model());
-    let patch = &model.patch;
-    let sizes = Sizes {
+    let parts = scene.parts();
+    let named = |needed: bool| parts.iter().filter(|part| part.needed == needed).map(ToString::to_string).collect();
+    let integrates = parts.iter().any(|part| part.name == "replay of the patch's path" && part.needed)
+        || (scene.global.sync == SyncMode::Overwrite && !scene.is_full());
+    let (local_step, global_step) = time_steps(scene, &simulation);
+    let device = DeviceFacts::new(scene, &simulation);
+    let mut warnings = warnings(scene, &simulation, &local_step, integrates.then_some(&global_step));
+    warnings.extend(device.as_ref().and_then(DeviceFacts::warning));
+    Ok(Explanation {
+        scene: scene.name.clone(),
+        sizes: sizes(scene, &simulation),
+        needed: named(true),
+        left_out: named(false),
+        cost_per_tick: tick_cost(scene, &simulation),
+        cost_per_cycle: cycle_cost(scene, &simulation, integrates),
+        local_step,
+        global_step,
+        device,
+        warnings,
+    })
+}
+
+fn sizes(scene: &Scene, simulation: &Simulation) -> Sizes {
+    let network = simulation.network();
+    let patch = &simulation.local().model().patch;
+    Sizes {
         nodes: network.node_count(),
         fixed_nodes: network.fixed.iter().filter(|&&fixed| fixed).count(),
         springs: network.springs.len(),
@@ -147,78 +170,70 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
         patch_springs: patch.springs.len(),
         stiffness_n_per_m: scene.material.stiffness.range(),
         damping_n_s_per_m: scene.material.damping.range(),
-    };
+    }
+}
+
+fn tick_cost(scene: &Scene, simulation: &Simulation) -> TickCost {
+    let model = simulation.local().model();
+    let patch = &model.patch;
     let linear = matches!(scene.local().linearization, Linearization::Tangent(_));
     let rows = 3 * patch.len();
     let step = model.step.as_ref();
     let columns = if step.is_some() || patch.springs.is_damped() || scene.material.drag != 0.0 { 6 } else { 3 };
-    let condenses = model.condensation.is_some_and(|(outcome, _)| outcome != Outcome::Held);
-    let cost_per_tick = TickCost {
+    let condenses = model.condensation.is_some_and(|(outcome, _)| outcome != CondensationOutcome::Held);
+    TickCost {
         matrix: if linear { Some([rows, columns * patch.len()]) } else { condenses.then_some([rows; 2]) },
         products: step.map_or(1, LinearStep::products),
         response: step.is_some().then_some([rows, rows]),
         springs: (!linear).then_some(patch.springs.len()),
         contact_nodes: simulation.local().surface().geometry.largest_support(),
-    };
+    }
+}
+
+/// Cost of a global cycle; `integrates` says whether the network is integrated over it.
+fn cycle_cost(scene: &Scene, simulation: &Simulation, integrates: bool) -> CycleCost {
     let stages = match scene.global.integrator {
         GlobalIntegrator::SemiImplicitEuler => 1,
-        // Two or three iterations of Newton's method where the motion is smooth, each with a sparse factorisation.
+        // Two or three Newton iterations where the motion is smooth, each with a sparse factorisation.
         GlobalIntegrator::ImplicitEuler => 3,
         GlobalIntegrator::Rk4 => 4,
     };
-    let integrates = scene.parts().iter().any(|part| part.name == "replay of the patch's path" && part.needed)
-        || (scene.global.sync == SyncMode::Overwrite && !scene.is_full());
-    let evaluations = if integrates { stages * scene.global.substeps } else { 0 };
-    let cost_per_cycle = CycleCost {
-        force_evaluations: evaluations,
-        springs: network.springs.len(),
+    CycleCost {
+        force_evaluations: if integrates { stages * scene.global.substeps } else { 0 },
+        springs: simulation.network().springs.len(),
         new_models: u32::from(!scene.is_full()),
-        condensation: model.condensation.map(|(outcome, size)| CondensationCost {
+        condensation: simulation.local().model().condensation.map(|(outcome, size)| CondensationCost {
             outcome: match outcome {
-                Outcome::AsAsked => "as asked",
-                Outcome::Stabilised => "stabilised: it is indefinite with the exact tangent",
-                Outcome::Held => "held: it can move without a force",
+                CondensationOutcome::AsAsked => "as asked",
+                CondensationOutcome::Stabilised => "stabilised: it is indefinite with the exact tangent",
+                CondensationOutcome::Held => "held: it can move without a force",
             },
             nodes: size.nodes,
             coarse_vertices: size.vertices,
             factor_entries: size.factor.entries,
             factor_multiply_adds: size.factor.multiply_adds,
         }),
-    };
+    }
+}
 
-    let drag = scene.material.drag;
+/// The local tick and the global substep with their stability limits.
+fn time_steps(scene: &Scene, simulation: &Simulation) -> (Step, Step) {
+    let (network, patch, drag) = (simulation.network(), &simulation.local().model().patch, scene.material.drag);
     let mut held = patch.inverse_mass.clone();
     held.resize(patch.len() + patch.boundary.len(), 0.0);
     let local_limit = explicit_step_limit(&patch.springs, &simulation.local().state().x, &held, drag);
     let global_limit =
         explicit_step_limit(&network.springs, &simulation.global().state().x, &network.inverse_mass, drag);
-    let local_step = match scene.integrator {
+    let local = match scene.integrator {
         LocalIntegrator::SemiImplicitEuler => Step::new(scene.tick_s(), local_limit),
         implicit => Step::unlimited(scene.tick_s(), local_limit, implicit.name()),
     };
     let substep = 1.0 / (scene.global_rate_hz() * f64::from(scene.global.substeps));
-    let global_step = match scene.global.integrator {
+    let global = match scene.global.integrator {
         GlobalIntegrator::ImplicitEuler => Step::unlimited(substep, global_limit, "implicit-euler"),
         GlobalIntegrator::SemiImplicitEuler | GlobalIntegrator::Rk4 => Step::new(substep, global_limit),
     };
-
-    let parts = scene.parts();
-    let named = |needed: bool| parts.iter().filter(|part| part.needed == needed).map(ToString::to_string).collect();
-    let device = DeviceFacts::new(scene, &simulation);
-    let mut warnings = warnings(scene, &simulation, &local_step, integrates.then_some(&global_step));
-    warnings.extend(device.as_ref().and_then(DeviceFacts::warning));
-    Ok(Explanation {
-        scene: scene.name.clone(),
-        sizes,
-        needed: named(true),
-        left_out: named(false),
-        cost_per_tick,
-        cost_per_cycle,
-        local_step,
-        global_step,
-        device,
-        warnings,
-    })
+    (local, global)
 }
 
 fn warnings(scene: &Scene, simulation: &Simulation, local: &Step, global: Option<&Step>) -> Vec<String> {
@@ -232,19 +247,20 @@ fn warnings(scene: &Scene, simulation: &Simulation, local: &Step, global: Option
     if scene.global.threads == Threads::Two && simulation.network().springs.halves().is_none() {
         let springs = simulation.network().springs.len();
         warnings.push(format!(
-            "`global.threads = 2` does nothing: {springs} springs are too few to share, or most go across any cut"
+            "`global.threads = 2` has no effect: {springs} springs are too few to divide, or most of them cross any cut"
         ));
     }
     let turn = local.step_s * local.omega_max_rad_s;
     if scene.integrator == LocalIntegrator::Exponential && turn > std::f64::consts::PI {
         warnings.push(format!(
-            "the fastest mode turns by {turn:.1} rad within a tick: the contact's response at its end may vanish, and a run in contact end in a fault; implicit-euler has no such bound"
+            "the phase of the fastest mode advances by {turn:.1} rad per tick: the contact's response may vanish, \
+             and a run in contact may end in a fault; `local.integrator = \"implicit-euler\"` has no such bound"
         ));
     }
     let model = simulation.local().model();
     let patch = &model.patch;
     if patch.len() < simulation.network().fixed.iter().filter(|&&fixed| !fixed).count() {
-        // From the patch's middle to its furthest surface node, at rest.
+        // Distance at rest from the centre of the patch to its furthest surface node.
         let on_surface: Vec<_> = (simulation.surface().vertex_node.iter().zip(&patch.vertex_slot))
             .filter(|&(_, &slot)| slot != crate::local::patch::OUTSIDE)
             .map(|(&node, _)| simulation.network().rest[node as usize])
@@ -254,7 +270,8 @@ fn warnings(scene: &Scene, simulation: &Simulation, local: &Step, global: Option
         let way = scene.path.top_speed() / scene.global_rate_hz();
         if way > reach {
             warnings.push(format!(
-                "the tip goes up to {:.1} mm in a global cycle and the patch reaches {:.1} mm: contact may leave the patch and become rigid",
+                "the tip moves by up to {:.1} mm per global cycle and the patch reaches {:.1} mm: contact may leave \
+                 the patch and become rigid",
                 1e3 * way,
                 1e3 * reach
             ));
@@ -273,7 +290,7 @@ fn text(e: &Explanation) -> String {
         "  network   {nodes} nodes ({fixed_nodes} fixed), {springs} springs, {surface_triangles} surface triangles"
     ));
     let range = |[least, most]: [f64; 2]| {
-        if least == most { format!("{least}") } else { format!("{least:.4} to {most:.4}") }
+        if least == most { significant(least) } else { format!("{} to {}", significant(least), significant(most)) }
     };
     line(format!(
         "  springs   k = {} N/m, c = {} N·s/m",
@@ -281,39 +298,39 @@ fn text(e: &Explanation) -> String {
         range(e.sizes.damping_n_s_per_m)
     ));
     line(format!(
-        "  patch     {} free nodes, {} springs (the first model; it follows the contact)",
+        "  patch     {} free nodes, {} springs (the first local model; the patch follows the contact)",
         e.sizes.patch_nodes, e.sizes.patch_springs
     ));
     line(format!("  time      {} ticks, {} per global cycle", e.sizes.ticks, e.sizes.ticks_per_cycle));
-    line("\nIn the pipeline".to_owned());
+    line("\nParts of the pipeline (the setting that decides)".to_owned());
     e.needed.iter().for_each(|part| line(format!("  + {part}")));
-    line("\nLeft out".to_owned());
+    line("\nOmitted".to_owned());
     e.left_out.iter().for_each(|part| line(format!("  - {part}")));
     line("\nCost per tick".to_owned());
     if let Some([rows, columns]) = e.cost_per_tick.matrix {
         let count = if e.cost_per_tick.products == 1 { "one" } else { "two" };
         let multiply_adds = e.cost_per_tick.products as usize * rows * columns;
         let plural = if e.cost_per_tick.products == 1 { "" } else { "s" };
-        let twice = if e.cost_per_tick.springs.is_some() { ", twice in contact" } else { "" };
+        let twice = if e.cost_per_tick.springs.is_some() { ", two evaluations in contact" } else { "" };
         line(format!(
             "  {count} {rows} × {columns} matrix–vector product{plural} ({multiply_adds} multiply–adds){twice}"
         ));
     }
     if let Some([rows, columns]) = e.cost_per_tick.response {
-        line(format!("  in contact: three columns of A⁻¹ ({rows} × {columns}) for each node of the contact point"));
+        line(format!("  in contact: three columns of A⁻¹ ({rows} × {columns}) per node of the contact point"));
     }
     if let Some(springs) = e.cost_per_tick.springs {
-        line(format!("  {springs} springs, twice in contact"));
+        line(format!("  {springs} springs, evaluated twice in contact"));
     }
-    line("  free: the triangles near the tip, found in a tree of boxes; in contact: the one below it".to_owned());
+    line("  free: the triangles near the tip (bounding-box tree); in contact: the triangle below it".to_owned());
     line(format!("  a contact point rests on up to {} nodes", e.cost_per_tick.contact_nodes));
     line("\nCost per global cycle".to_owned());
     let CycleCost { force_evaluations, springs, new_models, condensation } = &e.cost_per_cycle;
     line(format!("  {force_evaluations} evaluations of {springs} springs, {new_models} new local model"));
     if let Some(cost) = condensation {
         line(format!(
-            "  condensing {} exterior nodes and {} coarse ones: a factor of {} entries, {} million multiply–adds, and \
-             its analysis when the patch is a new one (the first: {})",
+            "  static condensation of {} exterior nodes and {} coarse ones: a factor of {} entries, {} million \
+             multiply–adds, and its analysis for each new patch (first model: {})",
             cost.nodes,
             cost.coarse_vertices,
             cost.factor_entries,
@@ -321,10 +338,10 @@ fn text(e: &Explanation) -> String {
             cost.outcome
         ));
     }
-    line("\nSteps".to_owned());
+    line("\nTime steps".to_owned());
     line(format!("  local tick      {}", e.local_step.text()));
     if condensation.is_some() {
-        line("                  (that of a fixed exterior; one that follows is softer)".to_owned());
+        line("                  (with a fixed exterior; a condensed one is softer)".to_owned());
     }
     line(format!("  global substep  {}", e.global_step.text()));
     if let Some(device) = &e.device {

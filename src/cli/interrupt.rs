@@ -1,4 +1,4 @@
-//! Ctrl-C ends a loop in real time at its next tick, with what it has.
+//! Ctrl-C: ends a loop in real time at its next tick and keeps the ticks done.
 
 use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -8,7 +8,7 @@ use miette::{IntoDiagnostic, WrapErr};
 static STOP: AtomicBool = AtomicBool::new(false);
 static HANDLER: Once = Once::new();
 
-/// Becomes true when the program is asked to stop; a second time ends it at once.
+/// Returns the flag that the first Ctrl-C sets. The second one ends the program at once.
 pub fn flag() -> miette::Result<&'static AtomicBool> {
     let mut installed = Ok(());
     HANDLER.call_once(|| {

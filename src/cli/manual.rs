@@ -1,4 +1,4 @@
-//! `stickslip man` and `stickslip completions`: made from the same description as `--help`.
+//! `stickslip man` and `stickslip completions`, generated from the description that `--help` uses.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use super::terminal::print;
 use super::{Arguments, PASS, say};
 use crate::output::files::{WriteError, write_file};
 
-/// Prints the completions of a shell.
+/// Prints a shell's completion script.
 pub fn completions(shell: Shell) -> miette::Result<u8> {
     let mut script = Vec::new();
     generate(shell, &mut Arguments::command(), "stickslip", &mut script);
@@ -19,7 +19,7 @@ pub fn completions(shell: Shell) -> miette::Result<u8> {
     Ok(PASS)
 }
 
-/// Prints the manual page, or writes one for every command into a folder.
+/// Prints the manual page, or writes one per command into a folder.
 pub fn man(out: Option<&Path>) -> miette::Result<u8> {
     let mut program = Arguments::command();
     program.build();
@@ -35,7 +35,7 @@ pub fn man(out: Option<&Path>) -> miette::Result<u8> {
         write_file(&out.join(format!("{name}.1")), &page(command)?)?;
         written += 1;
     }
-    say(format_args!("{written} pages in {}", out.display()))?;
+    say(format_args!("{written} manual pages in {}", out.display()))?;
     Ok(PASS)
 }
 

@@ -31,14 +31,14 @@ use self::terminal::{Asked, say};
 use crate::output::files::WriteError;
 use crate::scene::{Expectation, SHIPPED, Scene, SceneError};
 
-/// Everything went as it should.
+/// No verdict is FAIL or INCONCLUSIVE, and no fault ended a run.
 const PASS: u8 = 0;
-/// A verdict is FAIL, or a fault ended a run.
+/// A verdict is FAIL, a fault ended a run, or no local model is within the budget.
 const FAIL: u8 = 1;
 /// A verdict is INCONCLUSIVE, and none is FAIL.
 #[cfg(all(feature = "realtime", target_os = "linux"))]
 const INCONCLUSIVE: u8 = 3;
-/// The arguments, a scene or a file is not as it should be.
+/// The arguments, a scene or a file is invalid, or a file cannot be written.
 const USAGE: u8 = 2;
 
 #[derive(Debug, Parser)]
@@ -46,7 +46,7 @@ const USAGE: u8 = 2;
     version,
     about = "Verification and benchmarking testbed for multi-rate haptic simulation with stick-slip contact",
     long_about = "Verification and benchmarking testbed for multi-rate haptic simulation with stick-slip contact.\n\n\
-        A nonlinear mass-spring-damper network runs at about 10 Hz; beside it a low-order local model does \
+        A nonlinear mass-spring-damper network runs at about 10 Hz. Beside it, a low-order local model computes \
         collision, stick-slip contact and force feedback at 1 kHz. Without a command, `report` runs the \
         shipped scenes.",
     after_help = after_help(),
@@ -60,84 +60,91 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Run scenes and write one report that opens in a browser
+    /// Run scenes and write one report for the browser
     #[command(
         after_help = "Writes DIR/index.html, which needs no other file and no network, DIR/report.json, and for every \
         scene the files of `run` in DIR/<scene>/. Without scenes it also compares contact surfaces and local models, \
-        looks at stability, and certifies the servo loop for a few seconds; --quick leaves that out.\n\n\
-        Exit code 1: a scene did not end as expected, accuracy could not be judged, or a stability verdict is FAIL. \
-        Verdicts on this machine (certificate) and of earlier runs (cross-check) are shown and change nothing.\n\n\
+        measures stability limits, and certifies the servo loop over a few seconds; --quick omits these.\n\n\
+        Exit codes: 0 pass; 1 a scene did not end as expected, accuracy could not be judged, or the stability \
+        verdict is FAIL; 2 usage, scene or file error. The verdicts on this machine (certificate) and on an earlier \
+        run (cross-check) are shown and do not change the exit code.\n\n\
         Example: stickslip report fig5-stick-slip my-scene.toml"
     )]
     Report(report::ReportArguments),
-    /// Run one scene: trace, network, summary and force plot
+    /// Run one scene: write its trace, network, summary and force plot
     #[command(after_help = "Writes trace.csv (a row per tick), network.json, summary.json and forces.svg; with --vtk \
         also network.pvd and instrument.pvd with their frames.\n\n\
-        Exit code 0: it reached its duration; 1: a fault ended it (the rows before it are kept), or the tip passed \
-        through the surface; 2: the scene or the output folder is not as it should be.\n\nExample: stickslip run fig5-stick-slip --out /tmp/fig5")]
+        Exit codes: 0 the run reached its duration; 1 a fault ended it (the rows before it are kept), the tip passed \
+        through the surface, or the repetition of a run in real time commanded other forces; 2 usage, scene or \
+        file error.\n\nExample: stickslip run fig5-stick-slip --out /tmp/fig5")]
     Run(run::RunArguments),
-    /// Show what a scene needs, what is left out, what it costs and how long its steps may be
+    /// Print which parts a scene needs, what it costs, and its stability-limit time steps
+    #[command(after_help = "Exit codes: 0 pass; 2 usage or scene error.\n\nExample: stickslip explain fig5-stick-slip")]
     Explain {
         /// A scene file or the name of a shipped scene
         scene: PathBuf,
     },
-    /// How long steps may be, measured against predicted limits, virtual walls, and scenes that go to extremes
+    /// Measure stability-limit time steps and virtual walls, compare them with predictions, and run extreme scenes
     #[command(
         after_help = "Writes DIR/index.html with its figures inside and DIR/stability.json. The limits are those of \
-        the scene's local model, with stiffness, mass ratio and damping varied; virtual walls and extremes are always \
-        the same.\n\n\
-        Exit code 1: an extreme did not end as expected, a limit is more than 2 % off for no known reason, or a \
-        virtual wall that has to be passive shakes.\n\n\
+        the scene's local model, with stiffness, mass ratio and damping ratio varied; virtual walls and extreme \
+        scenes do not depend on the scene.\n\n\
+        Exit codes: 0 pass; 1 an extreme scene did not end as expected, a limit differs from its prediction by more \
+        than 2 % for no known reason, or a virtual wall that has to be passive shakes; 2 usage, scene or file \
+        error.\n\n\
         Example: stickslip stability fig5-stick-slip --out /tmp/stability"
     )]
     Stability {
         /// A scene file or the name of a shipped scene
         #[arg(default_value = "fig5-stick-slip")]
         scene: PathBuf,
-        /// Where the files go (default: reports/<scene name>)
+        /// Output folder (default: reports/SCENE)
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
     /// Compare results with accepted baselines, quantity by quantity
     #[command(after_help = "Writes DIR/check.json with every quantity; the table shows those that fail or improved. \
         A missing baseline, a value that is not finite, and more work than before fail.\n\n\
-        Examples:\n  stickslip check\n  stickslip check --accept fig5-stick-slip --reason \"friction bound uses the new normal\"\n  \
+        Exit codes: 0 pass; 1 the verdict is FAIL, or a result that is not finite is not accepted; 2 usage, scene or \
+        file error.\n\nExamples:\n  stickslip check\n  \
+        stickslip check --accept fig5-stick-slip --reason \"friction bound uses the new normal\"\n  \
         stickslip check fig5-stick-slip --time --against /tmp/before/stickslip")]
     Check(check::CheckArguments),
-    /// Compare local approximations: force error against time per tick
+    /// Compare local models with the full network: force error against time per tick
     #[command(
-        after_help = "Runs the scene's drag with a grid of local models and holds each against the full network \
-        at the haptic rate. Writes DIR/index.html and DIR/accuracy.json. Times are taken one after the other: keep \
-        the machine quiet.\n\nExit code 0: done; 1: no method is within the budget; 2: the scene or the output folder is \
-        not as it should be.\n\nExample: stickslip accuracy deep-stick-slip --budget-us 5 --out /tmp/accuracy"
+        after_help = "Runs the scene's drag with a grid of local models and compares each with the full network \
+        at the haptic rate. Writes DIR/index.html and DIR/accuracy.json. Runs are timed one after the other: keep \
+        the machine idle.\n\nExit codes: 0 pass; 1 no local model is within the budget; 2 usage, scene or file \
+        error.\n\nExample: stickslip accuracy deep-stick-slip --budget-us 5 --out /tmp/accuracy"
     )]
     Accuracy(accuracy::AccuracyArguments),
-    /// Whether the servo loop keeps its deadlines on this machine
+    /// Certify the deadlines of the servo loop on this machine
     #[cfg(all(feature = "realtime", target_os = "linux"))]
     #[command(
-        after_help = "Runs the scene's loop in real time, on a thread of its own, and judges twice: what the program takes \
-        (compute), and whether commands came by their deadline on this machine (platform). A loop that does nothing runs \
-        between the ticks, so that what the machine does is told from what the program does. Ticks that took longest \
-        are done again, with warm and with cold caches. Writes DIR/certificate.md, certificate.json, session.json and \
-        two figures. Ctrl-C ends it with what it has.\n\nWithout the right to SCHED_FIFO (root, or `ulimit -r`) the \
-        platform part cannot pass.\n\nExit code 0: both parts PASS; 1: one FAILs; 3: neither fails, but one is \
-        INCONCLUSIVE; 2: the scene, an option or the output folder is not as it should be.\n\n\
+        after_help = "Runs the scene's servo loop in real time, on a thread of its own, and gives two verdicts: on the \
+        program's own time per tick (compute), and on whether commands met their deadlines on this machine (platform). \
+        A control loop without a payload runs between the ticks: deadlines that it misses too are the machine's. The \
+        longest ticks are repeated with warm and with cold caches. Writes DIR/certificate.md, certificate.json, \
+        session.json and two figures. Ctrl-C ends the run and certifies what was measured.\n\nWithout the right to \
+        SCHED_FIFO (root, or `ulimit -r`) the platform part cannot pass.\n\nExit codes: 0 both parts PASS; 1 one is \
+        FAIL; 2 usage, scene or file error; 3 none is FAIL, and one is INCONCLUSIVE.\n\n\
         Example: stickslip certify fig5-stick-slip --duration 60 --load cpu --out /tmp/certificate"
     )]
     Certify(certify::CertifyArguments),
-    /// Do recorded ticks again, bit for bit
+    /// Repeat recorded ticks, bit for bit
     #[command(
-        after_help = "FILE is the session.json that a run with `schedule = \"threads\"` or a certificate left. Every \
-        tick is done again in virtual time, with the models and the late ticks of the recording, and compared with \
-        it. Ticks that a certificate marked as its worst are timed again, with warm and with cold caches.\n\n\
-        Exit code 0: the same to the bit; 1: something differs; 2: the file is no session, or its scene cannot start.\n\n\
+        after_help = "FILE is the session.json that `certify`, or `run` with `run.schedule = \"threads\"`, wrote. \
+        Every tick is repeated in virtual time, with the models and the late ticks of the recording, and compared with \
+        it. The longest ticks of a certificate are timed again, with warm and with cold caches.\n\n\
+        Exit codes: 0 identical to the bit; 1 something differs; 2 usage or file error, or the scene cannot \
+        start.\n\n\
         Example: stickslip replay reports/fig5-stick-slip/session.json"
     )]
     Replay {
         /// A recorded session
         file: PathBuf,
     },
-    /// Print a script that completes commands and options in a shell
+    /// Print a shell's script for the completion of commands and options
     #[command(
         after_help = "Example: stickslip completions bash > ~/.local/share/bash-completion/completions/stickslip"
     )]
@@ -145,10 +152,10 @@ enum Command {
         /// The shell
         shell: clap_complete::Shell,
     },
-    /// Print the manual page, or write one for every command
+    /// Print the manual page, or write one per command
     #[command(after_help = "Example: stickslip man --out ~/.local/share/man/man1")]
     Man {
-        /// Folder for a page of every command
+        /// Folder for the pages of all commands
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
@@ -158,13 +165,14 @@ fn after_help() -> String {
     let names: Vec<String> = SHIPPED.iter().map(|shipped| format!("  {}", shipped.name)).collect();
     format!(
         "Shipped scenes, which can be given by name:\n{}\n\nA first look:\n  stickslip explain fig5-stick-slip\n  \
-         stickslip run fig5-stick-slip --out /tmp/fig5\n\nExit codes: 0 pass; 1 a verdict is FAIL or a fault ended a \
-         run; 2 usage, scene or file error.",
+         stickslip run fig5-stick-slip --out /tmp/fig5\n\nExit codes: 0 pass; 1 a verdict is FAIL, a fault \
+         ended a run, or no local model is within the budget; 2 usage, scene or file error; 3 a verdict is \
+         INCONCLUSIVE.",
         names.join("\n")
     )
 }
 
-/// Parses the arguments, of which the first is the program's name, and does what they say.
+/// Parses the arguments, the first of which is the program's name, and executes the command.
 ///
 /// ```
 /// use std::process::ExitCode;
@@ -203,7 +211,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     }
 }
 
-/// As [`read`], with its warnings on standard error.
+/// Reads a scene like [`read`] and prints its warnings on standard error.
 fn load(scene: &Path) -> Result<(Scene, Expectation), SceneError> {
     let (scene, expectation) = read(scene)?;
     for warning in &scene.warnings() {
@@ -212,7 +220,7 @@ fn load(scene: &Path) -> Result<(Scene, Expectation), SceneError> {
     Ok((scene, expectation))
 }
 
-/// A scene file, or else a shipped scene of that name, and how it is expected to end.
+/// Reads a scene file, or else the shipped scene of that name, and its expected result.
 fn read(scene: &Path) -> Result<(Scene, Expectation), SceneError> {
     let shipped = SHIPPED.iter().find(|shipped| scene.as_os_str() == shipped.name);
     match shipped {
@@ -221,8 +229,8 @@ fn read(scene: &Path) -> Result<(Scene, Expectation), SceneError> {
     }
 }
 
-/// Where a command's files go: the folder given, or else one of the scene's name. It is made here, so that nothing
-/// is computed that could not be written.
+/// Returns the output folder: the one given, or else one named after the scene. Creates it, so that nothing is computed
+/// that could not be written.
 fn folder(out: Option<PathBuf>, scene: &Scene) -> Result<PathBuf, WriteError> {
     let out = out.unwrap_or_else(|| Path::new("reports").join(&scene.name));
     match std::fs::create_dir_all(&out) {

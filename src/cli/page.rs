@@ -1,4 +1,4 @@
-//! What all pages have in common: their frame, their style, their tables.
+//! Common parts of all pages: frame, style and tables.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
@@ -38,7 +38,7 @@ pre { white-space: pre-wrap; }
 
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
 
-/// A whole page under its title.
+/// Builds a whole page with a title.
 pub fn page(title: &str, body: &Markup) -> Markup {
     html! {
         (DOCTYPE)
@@ -56,7 +56,7 @@ pub fn page(title: &str, body: &Markup) -> Markup {
     }
 }
 
-/// A row of a table, of some class.
+/// A table row and its CSS class.
 pub struct Row<const N: usize> {
     pub class: Option<String>,
     pub cells: [String; N],
@@ -68,7 +68,7 @@ impl<const N: usize> From<[String; N]> for Row<N> {
     }
 }
 
-/// A table that may be wider than the page; `class` is said of it as a whole.
+/// Builds a table that may be wider than the page; `class` is the CSS class of the whole table.
 pub fn table<const N: usize>(
     class: &str,
     head: [&str; N],

@@ -1,5 +1,5 @@
-//! A progress bar on standard error for what takes longer than two seconds; none if that is not a
-//! terminal.
+//! A progress bar on standard error for work that takes longer than two seconds. There is none if standard error is
+//! not a terminal.
 
 use std::time::{Duration, Instant};
 
@@ -7,10 +7,10 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::terminal::shows_progress;
 
-/// Work shorter than this goes without.
+/// Shortest work with a progress bar.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Counts what is done of one or several runs.
+/// Progress of one or several runs.
 pub struct Progress {
     bar: ProgressBar,
     start: Instant,
@@ -19,7 +19,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// For this many in all of what is counted, of which `unit` is the name.
+    /// Starts the count of `count` items in all; `unit` is their plural name.
     pub fn new(count: u64, unit: &str) -> Self {
         let bar = ProgressBar::with_draw_target(Some(count), ProgressDrawTarget::hidden());
         if let Ok(style) =
@@ -30,12 +30,12 @@ impl Progress {
         Self { bar, start: Instant::now(), shown: false, done_before: 0 }
     }
 
-    /// The next run begins.
+    /// Begins the next run.
     pub fn begin(&mut self, name: &str) {
         self.bar.set_message(name.to_owned());
     }
 
-    /// What is done of this run.
+    /// Sets the number of items done in this run.
     pub fn set(&mut self, done: u64) {
         self.show();
         self.bar.set_position(self.done_before + done);
@@ -50,7 +50,7 @@ impl Progress {
         }
     }
 
-    /// This run ended after what was planned, or before.
+    /// Ends this run: all its `planned` items count as done, even if it ended early.
     pub fn end(&mut self, planned: u64) {
         self.show();
         self.done_before += planned;

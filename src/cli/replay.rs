@@ -1,4 +1,4 @@
-//! `stickslip replay`.
+//! `stickslip replay`: recorded ticks repeated in virtual time.
 
 use std::path::Path;
 
@@ -10,18 +10,18 @@ use super::terminal::{hand_out, say};
 use super::tick_timing::{TimedTick, time_ticks};
 use super::{FAIL, PASS};
 use crate::pipeline::Simulation;
-use crate::session::{self, Replayed, Session};
+use crate::session::{self, ReplayOutcome, Session};
 
-/// What `replay` found, for programs.
+/// Findings of `replay`, as printed by `--json`.
 #[derive(Serialize)]
 struct Found<'a> {
-    /// Whether every pass came out the same, to the bit.
+    /// Whether the forces of every pass are identical to the bit.
     same: bool,
     passes: &'a [Went],
     worst: &'a [TimedTick],
 }
 
-/// How one pass went.
+/// Finding of one pass.
 #[derive(Serialize)]
 struct Went {
     pass: u32,
@@ -41,14 +41,14 @@ pub fn replay(file: &Path) -> miette::Result<u8> {
         let went = session::replay(simulation, pass, |view| progress.set(view.tick + 1));
         progress.end(pass.ticks);
         let (is_same, words) = match went {
-            Replayed::Same { fault: None } => (true, format!("{} ticks, the same to the bit", pass.ticks)),
-            Replayed::Same { fault: Some(fault) } => {
-                (true, format!("{} ticks, the same to the bit, and the same end: {fault}", pass.ticks))
+            ReplayOutcome::Same { fault: None } => (true, format!("{} ticks, the same to the bit", pass.ticks)),
+            ReplayOutcome::Same { fault: Some(fault) } => {
+                (true, format!("{} ticks, the same to the bit, with the same end: {fault}", pass.ticks))
             }
-            Replayed::Differs { tick: Some(tick) } => (false, format!("DIFFERS from tick {tick} on")),
-            Replayed::Differs { tick: None } => (false, "DIFFERS: the forces have another checksum".to_owned()),
-            Replayed::Ended { ticks, fault } => {
-                let why = fault.map_or("the scene is over".to_owned(), |fault| fault.to_string());
+            ReplayOutcome::Differs { tick: Some(tick) } => (false, format!("DIFFERS from tick {tick} on")),
+            ReplayOutcome::Differs { tick: None } => (false, "DIFFERS: the forces have another checksum".to_owned()),
+            ReplayOutcome::Ended { ticks, fault } => {
+                let why = fault.map_or("the scene's duration is over".to_owned(), |fault| fault.to_string());
                 (false, format!("ENDED after {ticks} of {} ticks: {why}", pass.ticks))
             }
         };
@@ -67,15 +67,15 @@ pub fn replay(file: &Path) -> miette::Result<u8> {
     Ok(if same { PASS } else { FAIL })
 }
 
-/// Ticks that were timed again.
+/// Builds the table of ticks that were timed again.
 pub fn table(timed: &[TimedTick]) -> Table {
     let mut table = Table::new();
     table.load_style(UTF8_FULL_CONDENSED).set_header([
         "pass",
         "tick",
         "why",
-        "warm: median, longest (µs)",
-        "cold: median, longest (µs)",
+        "warm caches: median, longest (µs)",
+        "cold caches: median, longest (µs)",
     ]);
     for tick in timed {
         let us = |[median, max]: [u64; 2]| format!("{:.2}, {:.2}", median as f64 * 1e-3, max as f64 * 1e-3);

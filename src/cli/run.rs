@@ -1,4 +1,4 @@
-//! `stickslip run`.
+//! `stickslip run`: one scene, its files and its outcome.
 
 use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
@@ -10,31 +10,32 @@ use super::terminal::{hand_out, say};
 use super::{FAIL, PASS, folder, load, table};
 use crate::local::model::Linearization;
 use crate::model::springs::TangentKind;
-use crate::multirate::failsafe::Cause;
+use crate::multirate::failsafe::FaultCause;
 use crate::output::files::{FinishedRun, run_into};
 use crate::output::vtk::VtkWriter;
 use crate::pipeline::{Simulation, TickView};
 use crate::scene::{Scene, Schedule};
 
-/// Ticks from one frame to the next where none are given: 50 frames a second at 1 kHz.
+/// Default ticks per frame: 50 frames per second at 1 kHz.
 const FRAME_TICKS: &str = "20";
 
-/// Where the exact tangent is kept for a cycle.
-const RUNAWAY_ADVICE: &str = "if `stickslip explain` shows steps within their limits, springs that are pushed together \
-    may be what grows: give `local.tangent = \"stabilised\"`, `local.linearization = \"none\"` or a higher `global.rate`";
+/// Advice for a run that diverged with the exact tangent, which is constant over a cycle.
+const RUNAWAY_ADVICE: &str = "if `stickslip explain` shows steps within their stability limits, the tangent of \
+    compressed springs may be indefinite: give `local.tangent = \"stabilised\"`, `local.linearization = \"none\"` or \
+    a higher `global.rate`";
 
-/// Where no fault says that something is wrong.
-const ENERGY_ADVICE: &str = "the local model and the network may shake each other, or contact be lost and found; compare \
-    with a higher `global.rate` and with `local.tangent = \"stabilised\"`";
+/// Advice for a run that ended without a fault and whose energy balance is implausible.
+const ENERGY_ADVICE: &str = "the local model and the network may excite each other, or contact may be lost and \
+    regained; compare with a higher `global.rate` and with `local.tangent = \"stabilised\"`";
 
 #[derive(Debug, Args)]
 pub struct RunArguments {
     /// A scene file or the name of a shipped scene
     scene: PathBuf,
-    /// Where the files go (default: reports/<scene name>)
+    /// Output folder (default: reports/SCENE)
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Also write network.pvd and instrument.pvd for ParaView, a frame in so many ticks (20 if no number is given)
+    /// Also write network.pvd and instrument.pvd for ParaView, one frame every TICKS ticks (default: 20)
     #[arg(long, value_name = "TICKS", num_args = 0..=1, require_equals = true, default_missing_value = FRAME_TICKS)]
     vtk: Option<NonZeroU64>,
 }
@@ -42,7 +43,7 @@ pub struct RunArguments {
 pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
     let (scene, _) = load(&arguments.scene)?;
     let out = arguments.out.clone().unwrap_or_else(|| Path::new("reports").join(&scene.name));
-    // A folder is made for a scene that can start only.
+    // A folder is created only for a scene that can start.
     let mut frames = match arguments.vtk {
         Some(ticks) => {
             Simulation::prepare(&scene)?;
@@ -75,7 +76,7 @@ pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
     let energy = &finished.summary.energy;
     if finished.fault.is_none() && !energy.is_plausible() {
         eprintln!(
-            "warning: the energy balance is off by {:.1e} J, more than the instrument's Σ|f·Δq| of {:.1e} J: {ENERGY_ADVICE}",
+            "Warning: the energy residual of {:.1e} J exceeds the instrument's Σ|f·Δq| of {:.1e} J: {ENERGY_ADVICE}",
             energy.residual_j.abs(),
             energy.absolute_work_j
         );
@@ -83,15 +84,15 @@ pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
     if let Some(fault) = &finished.fault {
         eprintln!("{fault}");
         let is_frozen = scene.local().linearization == Linearization::Tangent(TangentKind::Exact);
-        if matches!(fault.cause, Cause::Runaway { .. }) && is_frozen {
+        if matches!(fault.cause, FaultCause::Runaway { .. }) && is_frozen {
             eprintln!("{RUNAWAY_ADVICE}");
         }
     }
     Ok(if finished.summary.passes() && is_same { PASS } else { FAIL })
 }
 
-/// Runs a scene by its schedule into a folder. Beside what the run was: whether what was recorded in real time came out
-/// the same, to the bit, when it was done again for the files.
+/// Runs a scene by its schedule and writes its files into a folder. Returns the run, and whether its repetition in
+/// virtual time commanded the same forces to the bit; true for a run that was in virtual time.
 pub fn execute(scene: &Scene, out: &Path, watch: impl FnMut(&TickView)) -> miette::Result<(FinishedRun, bool)> {
     match scene.schedule {
         Schedule::Lockstep => Ok((run_into(scene, out, watch)?, true)),
@@ -109,22 +110,22 @@ mod real_time {
     use crate::pipeline::TickView;
     use crate::realtime::record::{Quantiles, record};
     use crate::scene::Scene;
-    use crate::session::{Replayed, replay};
+    use crate::session::{ReplayOutcome, replay};
 
     pub fn execute(scene: &Scene, out: &Path, watch: impl FnMut(&TickView)) -> miette::Result<(FinishedRun, bool)> {
         let mut recorded = record(scene, interrupt::flag()?)?;
         let session = &recorded.session;
-        let pass = session.passes.first().ok_or_else(|| miette::miette!("the loop left no pass"))?;
-        let mut replayed = Replayed::Same { fault: None };
+        let pass = session.passes.first().ok_or_else(|| miette::miette!("the loop recorded no pass"))?;
+        let mut replayed = ReplayOutcome::Same { fault: None };
         let mut finished = write_run(scene, session.prepare(scene, pass)?, out, watch, |simulation, observe| {
             replayed = replay(simulation, pass, observe);
             match &replayed {
-                Replayed::Same { fault } | Replayed::Ended { fault, .. } => fault.as_deref().copied(),
-                Replayed::Differs { .. } => None,
+                ReplayOutcome::Same { fault } | ReplayOutcome::Ended { fault, .. } => fault.as_deref().copied(),
+                ReplayOutcome::Differs { .. } => None,
             }
         })?;
         let summary = &mut recorded.summary;
-        let is_same = matches!(replayed, Replayed::Same { .. });
+        let is_same = matches!(replayed, ReplayOutcome::Same { .. });
         summary.replayed = is_same;
         write_json(&out.join("session.json"), session)?;
         write_json(&out.join("timing.json"), summary)?;
@@ -135,7 +136,7 @@ mod real_time {
         let Quantiles { p50, p99, max, .. } = summary.response_ns;
         say(format_args!(
             "real time under {}: response p50 {:.1} µs, p99 {:.1} µs, longest {:.1} µs; {} of {} ticks missed their \
-             deadline of {:.0} µs, {} were left out; done again in virtual time {}",
+             deadline of {:.0} µs, {} were skipped; {}",
             summary.settings.policy,
             p50 as f64 * 1e-3,
             p99 as f64 * 1e-3,
@@ -145,11 +146,11 @@ mod real_time {
             summary.deadline_us,
             summary.skipped,
             match (is_same, summary.window.lost_notes) {
-                (true, _) => "it commands the same forces to the bit".to_owned(),
-                (false, 0) => "it commands OTHER forces".to_owned(),
+                (true, _) => "the repetition in virtual time commands the same forces to the bit".to_owned(),
+                (false, 0) => "the repetition in virtual time commands OTHER forces".to_owned(),
                 (false, lost) => format!(
-                    "it commands OTHER forces, which may come of {lost} notes lost to a full ring: the global side was \
-                     late by cycles"
+                    "the repetition in virtual time commands OTHER forces; {lost} messages lost to a full ring buffer \
+                     may be the cause: the global side was cycles late"
                 ),
             },
         ))?;

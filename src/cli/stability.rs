@@ -1,4 +1,4 @@
-//! `stickslip stability`: limits of steps and of virtual walls, measured and predicted, and extremes.
+//! `stickslip stability`: stability-limit time steps and virtual walls, measured and predicted, and extreme scenes.
 
 mod z_width;
 
@@ -15,7 +15,7 @@ use serde::Serialize;
 
 use super::page::{self, Row};
 use super::progress::Progress;
-use super::terminal::{hand_out, say};
+use super::terminal::{hand_out, say, significant};
 use super::{FAIL, PASS, folder, load};
 use crate::output::files::{write_file, write_json};
 use crate::pipeline::Simulation;
@@ -24,32 +24,33 @@ use crate::verify::extremes::{EXTREMES, Extreme, Got, Measured, Variant};
 use crate::verify::stability_map::{Axis, Boundary, MapError, TOLERANCE, Touching, boundaries, points};
 use crate::verify::z_width::{WallLimit, ZWidthError};
 
-/// Extremes that a report has no time for.
+/// Extreme scenes omitted from a report, as they take long.
 const LONG: [&str; 1] = ["rest-24h"];
 
-/// An extreme that takes longer hangs.
+/// Time after which an extreme scene counts as hung.
 const PATIENCE: Duration = Duration::from_secs(300);
 
-/// `stability.json`.
+/// Contents of `stability.json`.
 #[derive(Serialize)]
 pub struct StabilityFile {
     version: &'static str,
     scene: String,
     pub passes: bool,
     maps: Vec<Boundary>,
-    /// Why there are no maps.
+    /// Reason why there are no stability limits, if so.
     no_maps: Option<String>,
     z_width: Vec<WallLimit>,
     extremes: Vec<ExtremeEntry>,
-    /// What a report has no time for.
+    /// Extreme scenes omitted from a report.
     left_out: Vec<String>,
 }
 
-/// How much is looked at.
+/// Extent of the study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Coverage {
-    /// What a report has time for.
+    /// Without the extreme scenes that take long, for a report.
     Brief,
+    /// All extreme scenes.
     All,
 }
 
@@ -77,7 +78,7 @@ pub fn stability(scene: &Path, out: Option<PathBuf>) -> miette::Result<u8> {
     hand_out(&file)?;
     say(extremes_table(&file.extremes))?;
     match &file.no_maps {
-        Some(reason) => say(format_args!("no maps: {reason}"))?,
+        Some(reason) => say(format_args!("no stability limits: {reason}"))?,
         None => say(maps_table(&file.maps))?,
     }
     for boundary in file.maps.iter().filter(|boundary| !boundary.agrees) {
@@ -88,7 +89,7 @@ pub fn stability(scene: &Path, out: Option<PathBuf>) -> miette::Result<u8> {
     Ok(if file.passes { PASS } else { FAIL })
 }
 
-/// What is said of a scene's stability in the report.
+/// Builds the report's section on a scene's stability.
 pub fn brief(scene: &Scene) -> miette::Result<(StabilityFile, Markup)> {
     let file = look(scene, Coverage::Brief)?;
     let section = section(&file)?;
@@ -96,14 +97,14 @@ pub fn brief(scene: &Scene) -> miette::Result<(StabilityFile, Markup)> {
 }
 
 impl StabilityFile {
-    /// What was looked at, and how much of it is not as it should be.
+    /// Returns the numbers of findings that are as expected, as a sentence.
     pub fn counts(&self) -> String {
         let extremes = self.extremes.iter().filter(|entry| entry.as_expected).count();
         let maps = self.maps.iter().filter(|boundary| is_explained(boundary)).count();
         let walls = self.z_width.iter().filter(|limit| limit.agrees).count();
         format!(
-            "{extremes} of {} extremes end as expected, {maps} of {} limits of steps are as predicted or explained, {walls} of \
-             {} virtual walls quiet where they have to be",
+            "{extremes} of {} extreme scenes end as expected; {maps} of {} stability-limit time steps agree with the \
+             prediction or differ for a known reason; {walls} of {} virtual-wall limits respect the passivity bounds",
             self.extremes.len(),
             self.maps.len(),
             self.z_width.len()
@@ -111,7 +112,7 @@ impl StabilityFile {
     }
 }
 
-/// Off for no known reason, a limit fails the command.
+/// Returns whether a limit agrees with its prediction or differs for a known reason; otherwise the command fails.
 fn is_explained(boundary: &Boundary) -> bool {
     boundary.agrees || boundary.reason.is_some()
 }
@@ -125,10 +126,10 @@ fn look(scene: &Scene, coverage: Coverage) -> miette::Result<StabilityFile> {
     let extremes: Vec<(&Extreme, Variant)> =
         covered.flat_map(|extreme| extreme.variants().into_iter().map(move |variant| (extreme, variant))).collect();
     let mut progress = Progress::new((points.len() + extremes.len() + walls.len()) as u64, "cases");
-    progress.begin("extremes");
+    progress.begin("extreme scenes");
     let extremes = in_parallel(&extremes, &mut progress, |&(extreme, variant)| entry(extreme, variant));
     progress.end(extremes.len() as u64);
-    progress.begin("limits of steps");
+    progress.begin("stability limits");
     let maps = in_parallel(&points, &mut progress, |point| boundaries(scene, point));
     progress.end(points.len() as u64);
     progress.begin("virtual walls");
@@ -156,7 +157,7 @@ fn look(scene: &Scene, coverage: Coverage) -> miette::Result<StabilityFile> {
     })
 }
 
-/// One extreme, in a thread of its own so that neither a panic nor a hang is the end of it all.
+/// Runs one extreme scene in a thread of its own, so that neither a panic nor a hang ends the study.
 fn entry(extreme: &'static Extreme, variant: Variant) -> ExtremeEntry {
     let expected = extreme.expected(variant);
     let (done, result) = channel();
@@ -180,7 +181,7 @@ fn entry(extreme: &'static Extreme, variant: Variant) -> ExtremeEntry {
     }
 }
 
-/// Every item's result, in order, on as many threads as the machine has.
+/// Computes every item's result on all processors; results are in the order of the items.
 fn in_parallel<T: Sync, R: Send>(items: &[T], progress: &mut Progress, of: impl Fn(&T) -> R + Sync) -> Vec<R> {
     let next = AtomicUsize::new(0);
     let done = Mutex::new((Vec::with_capacity(items.len()), progress));
@@ -205,7 +206,7 @@ fn in_parallel<T: Sync, R: Send>(items: &[T], progress: &mut Progress, of: impl 
     results.into_iter().map(|(_, result)| result).collect()
 }
 
-const EXTREME_HEAD: [&str; 5] = ["extreme", "contact", "expected", "got", "detail"];
+const EXTREME_HEAD: [&str; 5] = ["extreme scene", "contact", "expected result", "result", "detail"];
 
 fn extreme_row(entry: &ExtremeEntry) -> [String; 5] {
     [entry.scene, &entry.contact, &entry.expected, entry.got, &entry.detail].map(str::to_owned)
@@ -233,21 +234,21 @@ fn touching_name(touching: Touching) -> &'static str {
 
 fn step(limit_s: Option<f64>) -> String {
     match limit_s {
-        Some(0.0) => "none is stable".to_owned(),
+        Some(0.0) => "no step is stable".to_owned(),
         Some(limit) => format!("{:.4} ms", 1e3 * limit),
         None => "no limit".to_owned(),
     }
 }
 
 const MAP_HEAD: [&str; 7] =
-    ["varied", "integrator, scheme, exterior", "contact", "at", "predicted", "measured", "ratio"];
+    ["varied", "integrator, scheme, exterior", "contact", "value", "predicted", "measured", "ratio"];
 
 fn map_row(b: &Boundary) -> [String; 7] {
     [
         b.axis.name().to_owned(),
         format!("{}, {}, {}", b.integrator, b.scheme, b.exterior),
         touching_name(b.touching).to_owned(),
-        format!("{}", b.value),
+        significant(b.value),
         step(b.predicted_s),
         step(b.measured_s),
         format!("{:.4}", b.ratio),
@@ -265,7 +266,12 @@ fn maps_table(maps: &[Boundary]) -> Table {
 
 fn disagreement(boundary: &Boundary) -> String {
     let reason = boundary.reason.as_deref().unwrap_or("UNEXPLAINED");
-    format!("{}: more than {:.0} % apart: {reason}", map_row(boundary).join(", "), 100.0 * TOLERANCE)
+    let [varied, model, contact, value, predicted, measured, ratio] = map_row(boundary);
+    format!(
+        "{varied} = {value}, {model}, {contact}: predicted {predicted}, measured {measured}, ratio {ratio}, more than \
+         {:.0} % apart: {reason}",
+        100.0 * TOLERANCE
+    )
 }
 
 #[cfg(feature = "plots")]
@@ -273,7 +279,7 @@ fn figure(axis: Axis, maps: &[Boundary]) -> miette::Result<String> {
     use crate::output::figures::limits::{Curve, Panel, limits};
     let mut series: Vec<String> = Vec::new();
     let mut panels: Vec<Panel> = Vec::new();
-    // The boundaries of one curve follow each other, in the order of the axis's values.
+    // The boundaries of one curve are consecutive, in the order of the axis's values.
     for b in maps.iter().filter(|b| b.axis == axis) {
         let title = format!("{}, {}", b.integrator, b.scheme);
         let panel = index_or_push(
@@ -288,10 +294,10 @@ fn figure(axis: Axis, maps: &[Boundary]) -> miette::Result<String> {
         curves[curve].steps.push([b.predicted_s, b.measured_s]);
     }
     limits(axis.name(), axis.values(), &series, &panels)
-        .map_err(|error| miette::miette!("cannot draw the limits: {error}"))
+        .map_err(|error| miette::miette!("cannot draw the stability limits: {error}"))
 }
 
-/// Where the item is; it is made if there is none.
+/// Returns the index of an item, and appends the item if there is none.
 #[cfg(feature = "plots")]
 fn index_or_push<T>(items: &mut Vec<T>, is_it: impl Fn(&T) -> bool, make: impl FnOnce() -> T) -> usize {
     items.iter().position(is_it).unwrap_or_else(|| {
@@ -314,36 +320,37 @@ fn section(file: &StabilityFile) -> miette::Result<Markup> {
     };
     Ok(html! {
         h2 #stability { "Stability" }
-        h3 { "Limits of the local step" }
+        h3 { "Stability-limit time steps of the local model" }
         p {
-            "The longest stable step of the local model of " (scene) " at rest, free and with a point held by the tip. Lines: \
-             where the spectral radius of the one-step matrix reaches 1, or the contact finds no hold. Marks: where \
-             a perturbation of the running model begins to grow, or it lets go of the tip. Below: measured over \
-             predicted, with 2 % shaded. What is not varied is the scene's, but the scheme where an integrator takes \
-             only the velocity scheme. A drifting exterior has the limits of a fixed one."
+            "Longest stable time step of the local model of " (scene) " at rest, free and with a point held by the tip. \
+             Lines, predicted: the spectral radius of the one-step matrix reaches 1, or the contact cannot hold. Marks, \
+             measured: a perturbation of the running model begins to grow, or the model loses the tip. Lower panels: \
+             measured over predicted, with a grey band of ± 2 %. Parameters that are not varied are the scene's, \
+             except the contact scheme of integrators that need the velocity scheme. A drifting exterior has the \
+             limits of a fixed one."
         }
         @if let Some(reason) = no_maps {
-            p.unexpected { "No maps: " (reason) "." }
+            p.unexpected { "No stability limits: " (reason) "." }
         } @else {
             @for (axis, figure) in Axis::ALL.iter().zip(&figures) {
-                figure { (PreEscaped(figure)) figcaption { "Longest stable step by " (axis.name()) "." } }
+                figure { (PreEscaped(figure)) figcaption { "Longest stable time step over " (axis.name()) "." } }
             }
             @for boundary in maps.iter().filter(|boundary| !boundary.agrees) {
                 p.unexpected { (disagreement(boundary)) }
             }
             details {
-                summary { "The numbers" }
+                summary { "Table of all limits" }
                 (page::table("", MAP_HEAD, maps.iter().map(map_row)))
             }
         }
         (z_width::section(walls)?)
-        h3 { "Extremes" }
+        h3 { "Extreme scenes" }
         p {
-            "Scenes that ask for more than is good for them. Each ends with the right answer, by a quantity that is \
-             known otherwise, or with an error or fault that has a name."
+            "Scenes with extreme parameters. Each is expected to end with a correct result, checked by a quantity that \
+             is known independently, or with a named error or fault."
         }
         @if !left_out.is_empty() {
-            p { "Left out of this report, as they take long: " (left_out.join(", ")) "." }
+            p { "Omitted from this report, as they take long: " (left_out.join(", ")) "." }
         }
         (page::table("words", EXTREME_HEAD, extremes.iter().map(extreme)))
     })

@@ -7,21 +7,21 @@ use std::sync::OnceLock;
 use miette::IntoDiagnostic;
 use serde::Serialize;
 
-/// What the command line asked for, once for the process.
+/// Output options of the command line, set once per process.
 static ASKED: OnceLock<Asked> = OnceLock::new();
 
-/// How much is printed.
+/// Output options of every command.
 #[derive(Debug, Clone, Copy, Default, clap::Args)]
 pub struct Asked {
-    /// Print nothing but errors: the exit code says how it went
+    /// Print nothing but errors; the exit code gives the verdict
     #[arg(long, short, global = true)]
     quiet: bool,
-    /// Print what the command found as JSON, in place of text
+    /// Print the findings as JSON and nothing else
     #[arg(long, global = true)]
     json: bool,
 }
 
-/// To be called once, before anything is printed.
+/// Sets the output options. Call it once, before anything is printed.
 pub fn ask(asked: Asked) {
     // A second call would change nothing.
     let _ = ASKED.set(asked);
@@ -31,28 +31,28 @@ fn asked() -> Asked {
     ASKED.get().copied().unwrap_or_default()
 }
 
-/// Whether people are to be told how far it is.
+/// Returns whether progress is shown.
 pub fn shows_progress() -> bool {
     !asked().quiet
 }
 
-/// Whether the result is wanted as JSON.
+/// Returns whether the findings are printed as JSON.
 pub fn wants_json() -> bool {
     asked().json
 }
 
-/// Prints a line for people.
+/// Prints a line of text, unless the output is JSON or nothing.
 pub fn say(text: impl Display) -> miette::Result<()> {
     let Asked { quiet, json } = asked();
     if quiet || json { Ok(()) } else { print(text) }
 }
 
-/// Prints what a command found, where JSON is asked for.
+/// Prints a command's findings, if the output is JSON.
 pub fn hand_out(found: &impl Serialize) -> miette::Result<()> {
     if asked().json { print(serde_json::to_string_pretty(found).into_diagnostic()?) } else { Ok(()) }
 }
 
-/// Prints a line whatever was asked for. That nobody reads on is no error.
+/// Prints a line under all output options. A closed pipe is no error.
 pub fn print(text: impl Display) -> miette::Result<()> {
     let mut stdout = std::io::stdout().lock();
     match writeln!(stdout, "{text}").and_then(|()| stdout.flush()) {
@@ -60,5 +60,30 @@ pub fn print(text: impl Display) -> miette::Result<()> {
             Err(miette::miette!("cannot write to standard output: {error}"))
         }
         _ => Ok(()),
+    }
+}
+
+/// Formats a number with four significant digits at most.
+pub fn significant(value: f64) -> String {
+    let rounded: f64 = format!("{value:.3e}").parse().unwrap_or(value);
+    // Adding 0 makes −0 a 0.
+    let rounded = rounded + 0.0;
+    let magnitude = rounded.abs();
+    if magnitude == 0.0 || !magnitude.is_finite() || (1e-3..1e6).contains(&magnitude) {
+        format!("{rounded}")
+    } else {
+        format!("{rounded:e}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::significant;
+
+    #[test]
+    fn four_digits_are_kept() {
+        let numbers = [250.0 / 3.0, 100.0, 0.5, -0.0, -6e-5, -2_971_409.2, 0.000_999_96, f64::NAN];
+        let texts = ["83.33", "100", "0.5", "0", "-6e-5", "-2.971e6", "0.001", "NaN"];
+        assert_eq!(numbers.map(significant), texts);
     }
 }

@@ -1,5 +1,4 @@
-//! Single ticks of a recorded session, done again and again from the same state: with caches that hold what they
-//! need, and with caches that something else has filled.
+//! Times of single ticks of a recorded session, repeated from the same state with warm caches and with evicted ones.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -8,33 +7,34 @@ use serde::Serialize;
 
 use crate::contact::law::Mode;
 use crate::multirate::servo::Servo;
-use crate::multirate::timeline::Fate;
+use crate::multirate::timeline::DeadlineOutcome;
 use crate::pipeline::{Lockstep, Simulation};
 use crate::scene::{Scene, SceneError};
-use crate::session::{RecordedPass, Session, TickToReplay, Why};
+use crate::session::{RecordedPass, ReplayReason, Session, TickToReplay};
 
-/// Repetitions with warm and with cold caches.
+/// Repetitions with warm caches.
 const WARM: usize = 101;
+/// Repetitions with cold caches.
 const COLD: usize = 21;
-/// More than any cache of one core's share: what is written between two cold repetitions, in words of 8 bytes.
+/// Words of 8 bytes written between two cold repetitions: more than one core's share of any cache.
 const EVICTING: usize = 8 << 20;
-/// Ticks of rest after which everything that decays has decayed.
+/// Ticks of rest after which all motion has decayed.
 const REST_TICKS: u64 = 20_000;
 
-/// A tick that was timed again.
+/// Times of a repeated tick.
 #[derive(Debug, Clone, Serialize)]
 pub struct TimedTick {
-    /// Which.
+    /// The tick.
     #[serde(flatten)]
     pub tick: TickToReplay,
-    /// Median and longest, ns.
+    /// Median and longest time with warm caches, ns.
     pub warm_ns: [u64; 2],
-    /// Median and longest, ns.
+    /// Median and longest time with cold caches, ns.
     pub cold_ns: [u64; 2],
 }
 
-/// Times the ticks that a session marks, and of its first pass one of every kind that is known for taking long:
-/// contact onset, an edge crossed, a model handed over, rest after a long decay.
+/// Times the ticks that a session marks, and from its first pass one of every kind that may take long: contact onset,
+/// crossing of an edge, hand-over of a model, rest after a long decay.
 ///
 /// # Errors
 /// If the scene cannot start.
@@ -63,22 +63,22 @@ pub fn time_ticks(session: &Session, scene: &Scene) -> Result<Vec<TimedTick>, Sc
     Ok(timed)
 }
 
-/// The first tick of every kind in a pass.
+/// Returns the first tick of every kind in a pass.
 fn kinds(simulation: Simulation, pass: &RecordedPass) -> Vec<TickToReplay> {
     let mut run = Lockstep::new(simulation);
-    let mut first: Vec<(Why, u64)> = Vec::new();
+    let mut first: Vec<(ReplayReason, u64)> = Vec::new();
     let mut triangle = None;
     while run.servo().next_tick() < pass.ticks
         && let Ok(Some(view)) = run.step()
     {
         let now = view.report.touch.map(|touch| touch.point.triangle);
         let found = [
-            (Why::ContactOnset, view.report.collision_time.is_some()),
-            (Why::EdgeCrossed, triangle.is_some() && now.is_some() && now != triangle),
-            (Why::HandOver, view.tick > 0 && view.model_age == 0 && view.report.mode != Mode::Free),
+            (ReplayReason::ContactOnset, view.report.collision_time.is_some()),
+            (ReplayReason::EdgeCrossed, triangle.is_some() && now.is_some() && now != triangle),
+            (ReplayReason::HandOver, view.tick > 0 && view.model_age == 0 && view.report.mode != Mode::Free),
         ];
         triangle = now;
-        for (why, _) in found.iter().filter(|(_, is_so)| *is_so && view.fate != Fate::Skipped) {
+        for (why, _) in found.iter().filter(|(_, is_so)| *is_so && view.deadline_outcome != DeadlineOutcome::Skipped) {
             if !first.iter().any(|(known, _)| known == why) {
                 first.push((*why, view.tick));
             }
@@ -87,15 +87,15 @@ fn kinds(simulation: Simulation, pass: &RecordedPass) -> Vec<TickToReplay> {
     first.iter().map(|&(why, tick)| TickToReplay { pass: pass.pass, tick, why }).collect()
 }
 
-/// A network that has come to rest, untouched: the place where subnormal numbers would show.
+/// Times a tick of a network at rest without contact, where subnormal numbers would show.
 fn at_rest(simulation: Simulation, pass: u32, cache: &mut [u64]) -> Option<TimedTick> {
     let mut servo = simulation.into_sides().servo;
-    // The first tick's tip again and again.
+    // The tip of the first tick, held.
     for _ in 0..REST_TICKS {
         let tip = servo.tip();
         servo.compute(tip).ok()?;
     }
-    let tick = TickToReplay { pass, tick: 0, why: Why::Rest };
+    let tick = TickToReplay { pass, tick: 0, why: ReplayReason::Rest };
     Some(time(&servo, tick, cache))
 }
 

@@ -1,4 +1,4 @@
-//! `stickslip check --time`: this program against another one, in turns, with a control.
+//! `stickslip check --time`: paired run times of this program and another one, with a control.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -11,16 +11,16 @@ use super::terminal::say;
 use super::{FAIL, PASS};
 use crate::verify::paired::Median;
 
-/// Rounds that are not counted: files and code get into the caches.
+/// Rounds that are not counted, as they bring files and code into the caches.
 const WARM_UP: usize = 2;
 
-/// Times whole runs of the program, with their output into a temporary folder. In every round each
-/// of this program, the other one, and this one again as control has a turn; who is first rotates.
+/// Times whole runs that write into a temporary folder. In every round this program, the other one, and this one again
+/// as control run once each; the order rotates.
 pub fn compare(scenes: &[PathBuf], against: &Path, rounds: usize) -> miette::Result<()> {
     let this = std::env::current_exe().into_diagnostic().wrap_err("cannot find this program")?;
-    let out = TempDir::new().into_diagnostic().wrap_err("cannot make a temporary folder")?;
+    let out = TempDir::new().into_diagnostic().wrap_err("cannot create a temporary folder")?;
     let programs = [this.as_path(), against, this.as_path()];
-    say(format_args!("\ntimes of {} / times of {}, {rounds} rounds", this.display(), against.display()))?;
+    say(format_args!("\nrun times of {} over those of {}, {rounds} rounds", this.display(), against.display()))?;
     for scene in scenes {
         let mut ratios = Vec::with_capacity(rounds);
         let mut control = Vec::with_capacity(rounds);
@@ -48,9 +48,9 @@ fn finding(ratios: &[f64], control: &[f64]) -> String {
     let Median { median, lower, upper, confidence } = ratio;
     let smallest = 100.0 * control.reach();
     let seen = if !control.covers_one() {
-        "the control differs from itself: the machine was not quiet enough to tell"
+        "inconclusive: this program differs from itself, so the machine was not idle enough; repeat on an idle one"
     } else if ratio.covers_one() || (median - 1.0).abs() <= control.reach() {
-        "no difference seen"
+        "no difference found"
     } else if median < 1.0 {
         "this program is faster"
     } else {
@@ -58,7 +58,7 @@ fn finding(ratios: &[f64], control: &[f64]) -> String {
     };
     format!(
         "median ratio {median:.4}, {:.1} % interval {lower:.4} to {upper:.4}; control {:.4}, {:.4} to {:.4}; \
-         the smallest effect it could have seen is {smallest:.2} %; {seen}",
+         the smallest detectable effect is {smallest:.2} %; {seen}",
         100.0 * confidence,
         control.median,
         control.lower,
@@ -79,7 +79,7 @@ fn time(program: &Path, scene: &Path, out: &Path) -> miette::Result<f64> {
     let start = Instant::now();
     let status = command.status().into_diagnostic().wrap_err_with(|| format!("cannot run {}", program.display()))?;
     let elapsed = start.elapsed().as_secs_f64();
-    // A fault is an end like any other.
+    // The time of a run that ends in a fault counts too.
     match status.code() {
         Some(code) if [PASS, FAIL].map(i32::from).contains(&code) => Ok(elapsed),
         _ => miette::bail!("{} run {} ended with {status}", program.display(), scene.display()),

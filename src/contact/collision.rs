@@ -5,29 +5,29 @@ use crate::Vec3;
 use crate::surface::geometry::ContactPoint;
 use crate::surface::tree::Aabb;
 
-/// A point this far outside a triangle, in barycentric weight, still hits it: neighbours share the
-/// edge between them to round-off.
+/// A point this far outside a triangle, in barycentric weight, still hits it: neighbours share their common edge to
+/// round-off.
 const WEIGHT_TOLERANCE: f64 = 1e-9;
-/// Triangles hit this close together, in τ, are hit at once: the first of them is taken.
+/// Triangles hit this close together, in τ, count as hit at once, and the first of them is taken.
 const SAME_TIME: f64 = 1e-12;
-/// A tip this far inside a triangle's plane, m, at the start of a tick still counts as outside: a
-/// tip released on the surface may be inside by the last bit. 1e5 ulps of a position of 0.1 m, and
-/// a ten-millionth of what an encoder resolves.
+/// A tip this far inside a triangle's plane, m, at the start of a tick still counts as outside: a tip released on the
+/// surface may be inside by the last bit. This is 1e5 ulps of a position of 0.1 m, and a ten-millionth of an encoder's
+/// resolution.
 pub const START_TOLERANCE: f64 = 1e-12;
 
-/// Scratch of [`first_collision`]: every triangle that the tip passes through.
+/// Workspace of [`first_collision`]: every triangle that the tip passes through.
 #[derive(Debug)]
 pub struct Hits(Vec<Collision>);
 
 impl Hits {
-    /// For a surface of this many triangles.
+    /// Allocates for a surface of this many triangles.
     pub fn new(triangles: usize) -> Self {
         Self(Vec::with_capacity(triangles))
     }
 }
 
 impl Clone for Hits {
-    /// Empty, with the same room, so that a copy allocates as little as the original.
+    /// Clones an empty workspace of the same capacity, so that a copy allocates as little as the original.
     fn clone(&self) -> Self {
         Self::new(self.0.capacity())
     }
@@ -36,15 +36,15 @@ impl Clone for Hits {
 /// The tip's first passage from the outer to the inner side.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Collision {
-    /// τ ∈ \[0, 1\], when.
+    /// Time of the passage τ ∈ \[0, 1\], a fraction of the tick.
     pub time: f64,
-    /// Where.
+    /// Point of the passage on the surface.
     pub point: ContactPoint,
 }
 
-/// When and where the tip, moving from q₀ to q₁, first passes inwards through triangles that move
-/// from `start` to `end`, all linear in τ. `hits` is scratch; it never holds more entries than the
-/// surface has triangles. `tested` counts the triangles that the search came to.
+/// Returns when and where the tip, moving from q₀ to q₁, first passes inwards through triangles that move from `start`
+/// to `end`, all linear in τ. `hits` is a workspace; it never holds more entries than the surface has triangles.
+/// `tested` counts the triangles that the search visits.
 ///
 /// ```
 /// use stickslip::contact::collision::{Hits, first_collision};
@@ -59,7 +59,7 @@ pub struct Collision {
 /// assert!((hit.time - 0.75).abs() < 1e-15);
 /// assert!((block.position(&hit.point) - Vec3::new(0.001, 0.002, 0.0)).norm() < 1e-15);
 /// assert!(tested < 20, "of 448 triangles");
-/// assert_eq!(first_collision(&block, &block, inside, above, &mut hits, &mut tested), None); // the way out
+/// assert_eq!(first_collision(&block, &block, inside, above, &mut hits, &mut tested), None); // outward motion
 /// # Ok::<(), stickslip::scene::SceneError>(())
 /// ```
 pub fn first_collision(
@@ -88,8 +88,8 @@ pub fn first_collision(
     hits.iter().filter(|hit| hit.time <= earliest + SAME_TIME).min_by_key(|hit| hit.point.triangle).copied()
 }
 
-/// The first τ at which q₀ + τ(q₁ − q₀) passes from the outer to the inner side of a triangle that
-/// moves from `from` to `to`, inside it; with the barycentric weights there.
+/// Returns the first τ at which q₀ + τ(q₁ − q₀) passes from the outer to the inner side of a triangle that moves from
+/// `from` to `to`, within its edges, and the barycentric weights there.
 ///
 /// The tip's height over the moving plane times twice the area is
 /// g(τ) = (q − a)·((b − a) × (c − a)), a cubic.
@@ -130,7 +130,7 @@ pub fn pass_inwards(from: [Vec3; 3], to: [Vec3; 3], q0: Vec3, q1: Vec3) -> Optio
     height.falls_through_zero(START_TOLERANCE * twice_area).into_iter().flatten().find_map(inside)
 }
 
-/// c₀ + c₁τ + c₂τ² + c₃τ³.
+/// The cubic c₀ + c₁τ + c₂τ² + c₃τ³.
 struct Cubic([f64; 4]);
 
 impl Cubic {
@@ -139,8 +139,8 @@ impl Cubic {
         c0 + t * (c1 + t * (c2 + t * c3))
     }
 
-    /// Where the cubic goes from positive to negative in \[0, 1\], ascending; at most two places. A
-    /// start at zero, or below it by no more than the tolerance, counts as positive.
+    /// Returns where the cubic falls from positive to negative in \[0, 1\], ascending; at most two places. A start at
+    /// zero, or below it by no more than the tolerance, counts as positive.
     fn falls_through_zero(&self, start_tolerance: f64) -> [Option<f64>; 2] {
         let mut falls = [None; 2];
         let mut found = 0;
@@ -161,10 +161,10 @@ impl Cubic {
         falls
     }
 
-    /// Zeros of the derivative inside (0, 1), ascending.
+    /// Zeros of the derivative in (0, 1), ascending.
     fn turning_points(&self) -> [Option<f64>; 2] {
         let [_, c1, c2, c3] = self.0;
-        // 3c₃t² + 2c₂t + c₁ = 0 in the form that does not cancel.
+        // Roots of 3c₃t² + 2c₂t + c₁ in the form without cancellation.
         let discriminant = c2 * c2 - 3.0 * c3 * c1;
         if !(discriminant > 0.0) {
             return [None; 2];
@@ -175,8 +175,8 @@ impl Cubic {
         points.map(|t| (t > 0.0 && t < 1.0).then_some(t))
     }
 
-    /// The zero of a piece that starts at or above it and ends below. Bisection down to the
-    /// resolution of τ near 1: it cannot miss, and a collision happens once per contact.
+    /// Returns the zero of a piece that starts at or above zero and ends below. It bisects down to the resolution of τ
+    /// near 1: bisection cannot miss, and a collision happens once per contact.
     fn root_between(&self, mut above: f64, mut below: f64) -> f64 {
         for _ in 0..f64::MANTISSA_DIGITS {
             let middle = 0.5 * (above + below);

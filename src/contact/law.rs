@@ -1,11 +1,11 @@
-//! The three contact constraints: what the instrument feels, and how the mesh goes on.
+//! The three contact constraints: the force on the instrument, and the motion of the mesh.
 
 use std::fmt;
 
 use crate::surface::support::Support;
 use crate::{Mat3, Vec3};
 
-/// The constraint between tip and surface.
+/// The constraint between the tip and the surface.
 ///
 /// ```
 /// use stickslip::{Mat3, Vec3, contact::law::{Law, Mode}};
@@ -20,7 +20,7 @@ use crate::{Mat3, Vec3};
 /// assert!((force - Vec3::new(0.5, 0.0, 1.0)).norm() < 1e-15); // F_T = μF_N
 /// assert_eq!(Law::Sliding.contact_force(hard, normal), (Mode::Slide, normal));
 ///
-/// // The impulse that makes a point of 2 kg move with (1, 0, −1) m/s more: its tangential part is bounded too.
+/// // The impulse that changes the velocity of a point of 2 kg by (1, 0, −1) m/s: its tangential part is bounded too.
 /// let response = Mat3::identity() / 2.0;
 /// let impulse = law.impulse(&response, Vec3::new(1.0, 0.0, -1.0), normal, 1e-3);
 /// assert_eq!((impulse.mode, impulse.fell_back), (Mode::Slip, false));
@@ -28,21 +28,21 @@ use crate::{Mat3, Vec3};
 /// ```
 #[derive(Debug, Clone, Copy)]
 pub enum Law {
-    /// The tip keeps the surface out of its way and nothing else.
+    /// The tip keeps the surface out of its way, without friction.
     Sliding,
-    /// The tip holds the point it touched.
+    /// The tip holds the surface point that it touched.
     Sticking,
-    /// Sticking up to the Coulomb bound (5), frictional sliding beyond.
+    /// The contact sticks up to the Coulomb bound (5), and slides with friction beyond it.
     StickSlip {
-        /// μ ≥ 0.
+        /// Friction coefficient μ ≥ 0.
         friction: f64,
     },
-    /// A law of one's own.
+    /// A custom contact law.
     Own(&'static dyn ContactLaw),
 }
 
 impl PartialEq for Law {
-    /// Laws of one's own are equal if they are the same object.
+    /// Custom laws are equal if they are the same object.
     fn eq(&self, other: &Self) -> bool {
         match (self, other) {
             (Law::Sliding, Law::Sliding) | (Law::Sticking, Law::Sticking) => true,
@@ -53,11 +53,11 @@ impl PartialEq for Law {
     }
 }
 
-/// The door for a contact law of one's own: what the contact makes of the force that would hold its point.
+/// Extension point for custom contact laws: turns the force that would hold the contact point into the contact force.
 ///
-/// Contract: a law is `Sync`, since both threads and copies of a run share it, and lives as long as the program: a constant,
-/// a `static`, or a leaked box. It has no state; it allocates nothing, locks nothing and does no I/O; the same arguments
-/// give the same result to the bit.
+/// Contract: a law is `Sync`, since both threads and all copies of a run share it, and lives as long as the program: a
+/// constant, a `static`, or a leaked box. It has no state; it allocates nothing, locks nothing and does no I/O; equal
+/// arguments give the same result to the bit.
 ///
 /// ```
 /// use stickslip::{ContactLaw, Law, Mode, Scene, Vec3};
@@ -93,9 +93,9 @@ impl PartialEq for Law {
 /// # Ok::<(), stickslip::RunError>(())
 /// ```
 pub trait ContactLaw: fmt::Debug + Sync {
-    /// The force on the instrument, N, and what the contact does, for the reaction λ that would hold the contact point.
-    /// It is asked where F_N = λ·n̂ > 0. Under [`Mode::Slip`] and [`Mode::Slide`] the contact point is free to move
-    /// along the surface.
+    /// Returns the force on the instrument, N, and the contact mode, for the reaction λ that would hold the contact
+    /// point. It is called where F_N = λ·n̂ > 0. Under [`Mode::Slip`] and [`Mode::Slide`] the contact point is free to
+    /// move along the surface.
     fn contact_force(&self, reaction: Vec3, normal: Vec3) -> (Mode, Vec3);
 
     /// Whether the geometric scheme moves the mesh to the tip along the normal only, as frictionless sliding does.
@@ -103,9 +103,10 @@ pub trait ContactLaw: fmt::Debug + Sync {
         false
     }
 
-    /// The impulse on the mesh where it responds with GΛ, G any 3 × 3 matrix, r·n̂ < 0 and ticks are `tick_s` long. By
-    /// default the tangential part is that of [`contact_force`](Self::contact_force) for −G⁻¹r/h, and the normal part
-    /// makes the contact point follow the tip along n̂.
+    /// Returns the impulse Λ that adds r to the contact point's velocity, as far as the law allows, on a mesh that
+    /// responds with GΛ. G is any 3 × 3 matrix, r·n̂ < 0, and a tick lasts `tick_s`, s. By default the tangential part
+    /// is that of [`contact_force`](Self::contact_force) for −G⁻¹r/h, and the normal part makes the contact point
+    /// follow the tip along n̂.
     fn impulse(&self, response: &Mat3, r: Vec3, normal: Vec3, tick_s: f64) -> Impulse {
         let slide = normal * (normal.dot(&r) / normal.dot(&(response * normal)));
         let fallback = Impulse { mode: Mode::Slide, value: slide, fell_back: true };
@@ -123,7 +124,7 @@ pub trait ContactLaw: fmt::Debug + Sync {
     }
 }
 
-/// What the contact did in a tick.
+/// Mode of the contact in a tick.
 ///
 /// ```
 /// use stickslip::Vec3;
@@ -139,18 +140,18 @@ pub trait ContactLaw: fmt::Debug + Sync {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
-    /// No force: no contact, or one kept under tension.
+    /// No force: there is no contact, or the contact is under tension.
     Free,
     /// The contact point is held.
     Stick,
-    /// Frictionless, or rigid.
+    /// The contact slides without friction, or is rigid.
     Slide,
-    /// At the Coulomb bound.
+    /// The contact slips at the Coulomb bound.
     Slip,
 }
 
 impl Mode {
-    /// The name in a trace.
+    /// Returns the name that a trace uses.
     pub fn name(self) -> &'static str {
         match self {
             Mode::Free => "free",
@@ -162,11 +163,10 @@ impl Mode {
 }
 
 impl Law {
-    /// The force on the instrument, N, for a reaction λ with F_N = λ·n̂ > 0.
+    /// Returns the force on the instrument, N, and the mode, for a reaction λ with F_N = λ·n̂ > 0.
     ///
-    /// (5) decides between sticking and slipping; (28): beyond it
-    /// f̂ = F_N n̂ + μF_N t̂ with t̂ = (λ − F_N n̂)/F_T. F_T = 0 never slips, so t̂ is never formed
-    /// from zero.
+    /// (5) decides between sticking and slipping. Beyond that bound (28) holds: f̂ = F_N n̂ + μF_N t̂ with
+    /// t̂ = (λ − F_N n̂)/F_T. A contact with F_T = 0 never slips, so t̂ is never formed from zero.
     pub fn contact_force(self, reaction: Vec3, normal: Vec3) -> (Mode, Vec3) {
         let normal_force = reaction.dot(&normal);
         match self {
@@ -196,24 +196,25 @@ impl Law {
     }
 }
 
-/// An impulse on the mesh, N·s, and the mode it stands for.
+/// An impulse on the mesh, and the contact mode that it belongs to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Impulse {
-    /// What the contact does.
+    /// Mode of the contact.
     pub mode: Mode,
-    /// Λ.
+    /// Impulse Λ, N·s.
     pub value: Vec3,
-    /// Whether the law had no solution and sliding was solved in its place.
+    /// Whether the law had no solution, and sliding was solved in its place.
     pub fell_back: bool,
 }
 
 impl Law {
-    /// The impulse Λ that gives the contact point the velocity r more as far as the law allows, where the mesh responds
-    /// with GΛ, G any 3 × 3 matrix, and r·n̂ < 0. Ticks are `tick_s` long; only a law of one's own may depend on that.
+    /// Returns the impulse Λ that adds r to the contact point's velocity, as far as the law allows. The mesh responds
+    /// with GΛ, where G is any 3 × 3 matrix, and r·n̂ < 0. A tick lasts `tick_s`, s; only a custom law may depend on
+    /// it.
     ///
-    /// Sticking: Λ = G⁻¹r. Sliding: Λ = n̂(n̂·r)/(n̂·Gn̂). Beyond |Λ_T| = μ|Λ_N|: Λ = a(−n̂ + μt̂) with t̂ = Λ_T/|Λ_T| and
-    /// a = n̂·r / n̂·G(−n̂ + μt̂), so that the contact point follows along the normal. Where G turns an impulse far
-    /// enough, Λ = G⁻¹r would pull (Λ·n̂ ≥ 0) or a is not positive: then there is no such Λ, and sliding is solved.
+    /// Sticking: Λ = G⁻¹r. Sliding: Λ = n̂(n̂·r)/(n̂·Gn̂). Beyond |Λ_T| = μ|Λ_N|: Λ = a(−n̂ + μt̂) with t̂ = Λ_T/|Λ_T|
+    /// and a = n̂·r / n̂·G(−n̂ + μt̂), so that the contact point follows along the normal. If G turns an impulse far
+    /// enough, Λ = G⁻¹r would pull (Λ·n̂ ≥ 0) or a is not positive: then no such Λ exists, and sliding is solved.
     pub fn impulse(self, response: &Mat3, r: Vec3, normal: Vec3, tick_s: f64) -> Impulse {
         let along = |direction: Vec3| direction * (normal.dot(&r) / normal.dot(&(response * direction)));
         let slide = |fell_back| Impulse { mode: Mode::Slide, value: along(normal), fell_back };
@@ -243,7 +244,7 @@ impl Law {
 }
 
 impl Mode {
-    /// Stops the contact point as the mode demands: (12) sticking, (20) and (26) along the normal.
+    /// Stops the contact point as the mode requires: (12) for sticking, (20) and (26) along the normal.
     pub fn project_velocity(self, support: &Support, normal: Vec3, v: &mut [Vec3]) {
         match self {
             Mode::Free => {}

@@ -1,5 +1,5 @@
-//! Where the tip meets a Loop limit surface: its nearest point, by Newton with safeguards, walking from
-//! triangle to triangle; on which side of it the tip is; and when it passes inwards.
+//! Contact with a Loop limit surface: its point nearest to the tip, by a safeguarded Newton search that walks from
+//! triangle to triangle; the side on which the tip is; and the time at which the tip passes inwards.
 
 use super::collision::{Collision, START_TOLERANCE};
 use super::shape::{Projection, Shape};
@@ -8,30 +8,30 @@ use crate::surface::geometry::ContactPoint;
 use crate::surface::subdivision::{DERIVATIVES, Jet, LimitSurface};
 use crate::surface::tree::Aabb;
 
-/// A search for the nearest point ends when its next step is shorter than this, in units of the
-/// distance between the triangle's corners. The point then is off by the square of it.
+/// A search for the nearest point ends when its next step is shorter than this, relative to the distance between the
+/// triangle's corners. The error of the point is then the square of it.
 const STEP_TOLERANCE: f64 = 1e-12;
-/// Newton needs three to six evaluations, and one for every triangle crossed. A search that takes
-/// this many has met a surface that folds onto itself; it answers with the best point it has.
+/// Cap on the evaluations of a search. Newton needs three to six, and one for every triangle crossed. A search that
+/// takes this many has met a surface that folds onto itself; it returns the best point found.
 const LARGEST_SEARCH: usize = 200;
 
-/// Searches from another start, at most: each begins nearer than the one before ended.
+/// Largest number of restarts of a search; each starts nearer than the one before ended.
 const RESTARTS: usize = 3;
-/// Halvings of a step that does not lead nearer, at most.
+/// Largest number of halvings of a step that does not lead nearer.
 const HALVINGS: usize = 30;
 
-/// A tick is looked at in pieces in which tip and surface move by no more than this share of an edge of
-/// the mesh: a body of that thickness is not passed through unseen.
+/// A tick is examined in pieces in which tip and surface move by no more than this share of a mesh edge, so that a body
+/// of that thickness is not passed through undetected.
 const PIECE: f64 = 0.25;
-/// Pieces, at most.
+/// Largest number of pieces.
 const LARGEST_PIECES: f64 = 64.0;
-/// Looks for a moment inside, in a piece at whose ends the tip is outside. What they miss is a touch much
-/// shorter than a tick.
+/// Largest number of halvings of a piece with the tip outside at both ends, in search of a moment inside. The search
+/// can miss only a contact much shorter than a tick.
 const LOOKS: u32 = 12;
-/// Width in τ at which a passage is found.
+/// Width in τ to which a passage is located.
 const TIME_TOLERANCE: f64 = 1e-15;
 
-/// A point of the limit surface with its derivatives by β and γ at one instant.
+/// A point of the limit surface at one instant, with its derivatives by β and γ.
 ///
 /// ```
 /// use stickslip::{Vec3, pipeline::Simulation, scene::Scene, surface::geometry::ContactGeometry};
@@ -42,7 +42,7 @@ const TIME_TOLERANCE: f64 = 1e-15;
 /// let ContactGeometry::Limit(limit) = &block.surface.geometry else { panic!("the scene says subdivision") };
 /// let tip = Vec3::new(0.001, 0.0013, 0.002);
 /// let point = block.limit_point(limit, &block.nearest(tip).expect("the surface is not empty"));
-/// assert!((point.position - Vec3::new(0.001, 0.0013, 0.0)).norm() < 1e-12); // flat, in the middle of the top
+/// assert!((point.position - Vec3::new(0.001, 0.0013, 0.0)).norm() < 1e-12); // the top is flat in the middle
 /// assert!((point.normal() - Vec3::z()).norm() < 1e-12);
 /// assert!(point.tangents.iter().all(|tangent| tangent.dot(&point.normal()).abs() < 1e-15));
 /// assert!(point.curvatures.iter().all(|curvature| curvature.norm() < 1e-12));
@@ -50,16 +50,16 @@ const TIME_TOLERANCE: f64 = 1e-15;
 /// ```
 #[derive(Debug, Clone, Copy)]
 pub struct LimitPoint {
-    /// p, m.
+    /// Position p, m.
     pub position: Vec3,
-    /// ∂p/∂β and ∂p/∂γ, m.
+    /// Tangents ∂p/∂β and ∂p/∂γ, m.
     pub tangents: [Vec3; 2],
-    /// ∂²p/∂β², ∂²p/∂β∂γ, ∂²p/∂γ², m.
+    /// Second derivatives ∂²p/∂β², ∂²p/∂β∂γ, ∂²p/∂γ², m.
     pub curvatures: [Vec3; 3],
 }
 
 impl LimitPoint {
-    /// n̂. Not finite where the surface has no tangent plane.
+    /// Unit normal n̂, not finite where the surface has no tangent plane.
     pub fn normal(&self) -> Vec3 {
         self.tangents[0].cross(&self.tangents[1]).normalize()
     }
@@ -68,9 +68,9 @@ impl LimitPoint {
         self.tangents[0] * b + self.tangents[1] * g
     }
 
-    /// The step to the nearest point of the second-order model of the squared distance where that has a
-    /// minimum and `newton` is asked for; else of the first-order model of the surface (Gauss–Newton),
-    /// which always leads downhill and is the same vector in space on both sides of an edge.
+    /// Step to the nearest point. If `newton` is set and the second-order model of the squared distance has a minimum,
+    /// this is that minimum; otherwise it is the minimum of the first-order model of the surface (Gauss–Newton), which
+    /// always leads downhill and is the same vector in space on both sides of an edge.
     fn step(&self, offset: Vec3, newton: bool) -> [f64; 2] {
         let [pb, pg] = self.tangents;
         let [pbb, pbg, pgg] = self.curvatures;
@@ -84,7 +84,7 @@ impl LimitPoint {
         [(c * downhill[0] - b * downhill[1]) * scale, (a * downhill[1] - b * downhill[0]) * scale]
     }
 
-    /// The same along one direction of the parameters.
+    /// Step to the nearest point along one direction of the parameters.
     fn step_along(&self, offset: Vec3, [b, g]: [f64; 2]) -> [f64; 2] {
         let tangent = self.along([b, g]);
         let curvature =
@@ -96,7 +96,7 @@ impl LimitPoint {
     }
 }
 
-/// How a search for the nearest point ended.
+/// Outcome of a search for the nearest point.
 struct Search {
     point: ContactPoint,
     surface: LimitPoint,
@@ -104,7 +104,7 @@ struct Search {
 }
 
 impl Shape<'_> {
-    /// The limit surface at a contact point.
+    /// Evaluates the limit surface at a contact point.
     pub fn limit_point(&self, limit: &LimitSurface, point: &ContactPoint) -> LimitPoint {
         self.limit_point_of(limit, point.triangle, &limit.jet(point.triangle, point.weights))
     }
@@ -119,21 +119,21 @@ impl Shape<'_> {
         LimitPoint { position, tangents: [pb, pg], curvatures: [pbb, pbg, pgg] }
     }
 
-    /// The nearest point that a walk downhill from `from` finds; over the border of an open surface the
+    /// Returns the nearest point that a walk downhill from `from` finds. Beyond the border of an open surface the
     /// contact ends.
     pub(super) fn project_onto_limit(&self, limit: &LimitSurface, from: &ContactPoint, q: Vec3) -> Projection {
         let search = self.descend(limit, *from, q);
         if search.over_border { Projection::OverBorder } else { Projection::Found(search.point) }
     }
 
-    /// The nearest point of the limit surface.
+    /// Returns the nearest point of the limit surface.
     pub(super) fn nearest_on_limit(&self, limit: &LimitSurface, q: Vec3) -> Option<ContactPoint> {
         Some(self.search(limit, q)?.point)
     }
 
-    /// Downhill from the nearest point of the control mesh; and again, if the middle of another triangle's
-    /// surface is nearer than what that led to. Where the mesh is crumpled the two differ: control vertices
-    /// stick out of the surface that they make.
+    /// Searches downhill from the nearest point of the control mesh, and again if the middle of another triangle's
+    /// surface is nearer than the point found. The two differ where the mesh is crumpled, because control vertices
+    /// stick out of the surface that they define.
     fn search(&self, limit: &LimitSurface, q: Vec3) -> Option<Search> {
         let mut best = self.descend(limit, self.nearest_on_triangles(q)?, q);
         for _ in 0..RESTARTS {
@@ -155,20 +155,20 @@ impl Shape<'_> {
         Some(best)
     }
 
-    /// The longest edge of the control triangle nearest to q, m.
+    /// Length of the longest edge of the control triangle nearest to q, m.
     fn edge_near(&self, q: Vec3) -> Option<f64> {
         let [a, b, c] = self.corners(self.nearest_on_triangles(q)?.triangle);
         Some((b - a).norm().max((c - b).norm()).max((a - c).norm()))
     }
 
-    /// Distance of q from the limit surface, m, negative on the inner side of its nearest point; NaN if
-    /// the surface is not finite.
+    /// Distance of q from the limit surface, m, negative on the inner side of its nearest point; NaN if the surface is
+    /// not finite.
     pub(super) fn signed_distance_to_limit(&self, limit: &LimitSurface, q: Vec3) -> f64 {
         self.search(limit, q).map_or(f64::NAN, |search| signed(q, &search.surface))
     }
 
-    /// Minimises |q − p(β, γ)| over the surface. A step that leaves its triangle ends on the edge, and
-    /// the search goes on in the neighbour; at a border it goes on along it.
+    /// Minimises |q − p(β, γ)| over the surface. A step that leaves its triangle ends on the edge, and the search
+    /// continues in the neighbour; at a border it continues along the border.
     fn descend(&self, limit: &LimitSurface, from: ContactPoint, q: Vec3) -> Search {
         let [a, b, c] = self.corners(from.triangle);
         let shortest = STEP_TOLERANCE * (b - a).norm().max((c - a).norm());
@@ -186,13 +186,13 @@ impl Shape<'_> {
                 step = surface.step_along(offset, EDGE_DIRECTIONS[opposite]);
             }
             let length = surface.along(step).norm();
-            // Also where the surface is not finite: the tick turns that into a fault.
+            // This also ends where the surface is not finite: the tick turns that into a fault.
             if !(length > shortest) {
                 break;
             }
             let Some((next, crossed, moved)) = self.advance(limit, &here, &surface, q, step) else { break };
             if let Some(neighbor) = crossed {
-                // Back across the edge just crossed: the second-order models of the two sides disagree.
+                // The step leads back across the edge just crossed: the second-order models of the two sides disagree.
                 newton &= came_from != Some(neighbor);
                 came_from = Some(here.triangle);
             }
@@ -201,8 +201,8 @@ impl Shape<'_> {
         Search { point: here, surface, over_border }
     }
 
-    /// The edge, by the corner opposite, over which the search is about to leave an open surface: the
-    /// point is on it, and the step points outwards.
+    /// Returns the edge, by the opposite corner, over which the search is about to leave an open surface: the point is
+    /// on that edge, and the step points outwards.
     fn border_ahead(&self, here: &ContactPoint, step: [f64; 2]) -> Option<usize> {
         let change = [-step[0] - step[1], step[0], step[1]];
         (0..3).find(|&k| {
@@ -212,8 +212,8 @@ impl Shape<'_> {
         })
     }
 
-    /// Takes a step, shortened until it leads nearer, and cut at the edge of the triangle. `None` if no
-    /// step leads nearer. Also tells the triangle entered, if any.
+    /// Takes a step, shortened until it leads nearer, and cut at the edge of the triangle. Returns the point and the
+    /// triangle entered, if any; `None` if no step leads nearer.
     fn advance(
         &self,
         limit: &LimitSurface,
@@ -222,7 +222,7 @@ impl Shape<'_> {
         q: Vec3,
         step: [f64; 2],
     ) -> Option<(ContactPoint, Option<u32>, LimitPoint)> {
-        // Near the end, and on entering the next triangle, the distance does not change but by round-off.
+        // Near the end, and on entering the next triangle, the distance changes only by round-off.
         let distance = (q - surface.position).norm();
         let round_off = ROUND_OFF * (q.norm() + surface.position.norm());
         let change = [-step[0] - step[1], step[0], step[1]];
@@ -241,7 +241,7 @@ impl Shape<'_> {
         None
     }
 
-    /// Moves within a triangle as far as its edge; with the triangle beyond, if it ends there.
+    /// Moves within a triangle as far as its edge. Also returns the triangle beyond, if the move ends at the edge.
     fn moved(&self, here: &ContactPoint, change: [f64; 3]) -> (ContactPoint, Option<u32>) {
         let mut exit: Option<(f64, usize)> = None;
         for (k, (weight, change)) in here.weights.into_iter().zip(change).enumerate() {
@@ -263,7 +263,7 @@ impl Shape<'_> {
         (point, opposite.and_then(|k| neighbors[k]))
     }
 
-    /// The same point of a shared edge, as a point of the neighbour.
+    /// Returns a point of a shared edge as a point of the neighbour.
     fn across(&self, point: &ContactPoint, neighbor: u32) -> ContactPoint {
         let triangles = &self.surface.topology.triangles;
         let from = triangles[point.triangle as usize];
@@ -275,10 +275,10 @@ impl Shape<'_> {
     }
 }
 
-/// Of a distance, relative to the positions it is between: of two sums of about twelve terms.
+/// Round-off of a distance, relative to the positions it lies between: each is a sum of about twelve terms.
 const ROUND_OFF: f64 = 16.0 * f64::EPSILON;
 
-/// ∂(β, γ) along the edge opposite each corner.
+/// Direction ∂(β, γ) along the edge opposite each corner.
 const EDGE_DIRECTIONS: [[f64; 2]; 3] = [[-1.0, 1.0], [0.0, 1.0], [1.0, 0.0]];
 
 fn signed(q: Vec3, nearest: &LimitPoint) -> f64 {
@@ -293,10 +293,10 @@ fn signed(q: Vec3, nearest: &LimitPoint) -> f64 {
     }
 }
 
-/// τ, and the signed distance of the tip then, m.
+/// Time τ, and the signed distance of the tip at that time, m.
 type Moment = (f64, f64);
 
-/// The surface while it moves from its place at the start of a tick to the predicted one.
+/// The surface while it moves from its position at the start of a tick to the predicted one.
 pub(super) struct MovingLimit<'a> {
     pub limit: &'a LimitSurface,
     pub start: Shape<'a>,
@@ -307,8 +307,8 @@ pub(super) struct MovingLimit<'a> {
 }
 
 impl MovingLimit<'_> {
-    /// When and where the tip passes from the outer to the inner side. A tip that is inside at the start
-    /// passes through nothing.
+    /// Returns when and where the tip passes from the outer to the inner side. A tip that is inside at the start passes
+    /// through nothing.
     pub fn first_collision(&mut self, tested: &mut u64) -> Option<Collision> {
         // The surface over a triangle lies in the convex hull of its support.
         let tip = Aabb::around([self.q0, self.q1]).grown(START_TOLERANCE);
@@ -322,7 +322,7 @@ impl MovingLimit<'_> {
 
         let speed = (self.q1 - self.q0).norm() + self.fastest();
         let mut before = (0.0, self.distance(0.0));
-        // Further away than all that moves can move.
+        // The tip is inside, or further away than all motion within the tick.
         if !(before.1 >= -START_TOLERANCE && before.1 <= speed) {
             return None;
         }
@@ -343,8 +343,8 @@ impl MovingLimit<'_> {
         None
     }
 
-    /// A moment outside and a later one inside, between a moment outside and another: the first that is
-    /// found by halving wherever the distance, which changes by no more than `speed`, can reach zero.
+    /// Returns a moment outside and a later one inside, between a moment outside and another. It halves every interval
+    /// in which the distance, which changes by no more than `speed`, can reach zero, and takes the first pair found.
     fn passage(&mut self, from: Moment, to: Moment, speed: f64, looks: &mut u32) -> Option<(Moment, Moment)> {
         if to.1 < 0.0 {
             return Some((from, to));
@@ -379,8 +379,8 @@ impl MovingLimit<'_> {
         evaluate(shape, self.limit, between(self.q0, self.q1))
     }
 
-    /// The zero between a τ outside and one inside: false position with Illinois' rule, and a
-    /// bisection wherever that stalls.
+    /// Returns the zero between a τ outside and one inside, by false position with the Illinois rule, and by bisection
+    /// wherever that stalls.
     fn root_between(&mut self, mut outside: Moment, mut inside: Moment) -> f64 {
         let mut last_side = 0.0;
         for round in 0..200 {

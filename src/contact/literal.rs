@@ -1,14 +1,14 @@
-//! The constraint operators as the paper writes them: T, U₀, U by Gram–Schmidt (7)–(8), (16)–(18),
-//! their inverses, and the 3m × 3m matrices (10), (13), (19), (21). Never on the servo path: the
-//! [closed form](super::operators) is held against these.
+//! The constraint operators as the paper writes them: T, U₀, U by Gram–Schmidt (7)–(8), (16)–(18), their inverses, and
+//! the 3m × 3m matrices (10), (13), (19), (21). They are never on the servo path: tests compare the [closed
+//! form](crate::surface::support) with them.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::Vec3;
 use crate::surface::support::Metric;
 
-/// A contact point over all m nodes of a model: weights (zero outside the support and for fixed
-/// nodes), masses and the normal.
+/// A contact point over all m nodes of a model: weights (zero outside the support and for fixed nodes), masses and the
+/// normal.
 ///
 /// ```
 /// use stickslip::Vec3;
@@ -21,12 +21,12 @@ use crate::surface::support::Metric;
 /// let operators = frame.operators(&[]).expect("a node carries weight");
 /// let (p, q) = (&operators.p, &operators.q);
 /// assert!((p * p - p).amax() < 1e-14 && (q * q - q).amax() < 1e-14); // projectors
-/// assert!((p.trace() - 9.0).abs() < 1e-14); // of 12 degrees of freedom three are taken,
-/// assert!((q.trace() - 11.0).abs() < 1e-14); // or one
+/// assert!((p.trace() - 9.0).abs() < 1e-14); // three of 12 degrees of freedom are constrained,
+/// assert!((q.trace() - 11.0).abs() < 1e-14); // or one of them
 /// let identity = nalgebra::DMatrix::identity(12, 12);
 /// assert!((&operators.p_tilde + p.transpose() - identity).amax() < 1e-14); // P̃ = 1 − Pᵀ
 ///
-/// // The closed form does the same.
+/// // The closed form gives the same velocities.
 /// let mut v = [Vec3::x(), Vec3::y(), Vec3::z(), Vec3::x()];
 /// let held = p * nalgebra::DVector::from_iterator(12, v.iter().flat_map(|v| [v.x, v.y, v.z]));
 /// let mut support = Support::with_capacity(4);
@@ -36,38 +36,38 @@ use crate::surface::support::Metric;
 /// ```
 #[derive(Debug, Clone)]
 pub struct ContactFrame {
-    /// wᵢ, one per node.
+    /// Weights wᵢ, one per node.
     pub weights: Vec<f64>,
-    /// kg, one per node.
+    /// Masses, kg, one per node.
     pub mass: Vec<f64>,
-    /// n̂.
+    /// Outward unit normal n̂.
     pub normal: Vec3,
     /// Inner product of the Gram–Schmidt completion.
     pub metric: Metric,
 }
 
-/// P, Q, P̃, Q̃, each 3m × 3m.
+/// The operators P, Q, P̃, Q̃, each 3m × 3m.
 #[derive(Debug, Clone)]
 pub struct LiteralOperators {
-    /// (10).
+    /// P (10).
     pub p: DMatrix<f64>,
-    /// (19).
+    /// Q (19).
     pub q: DMatrix<f64>,
-    /// (13).
+    /// P̃ (13).
     pub p_tilde: DMatrix<f64>,
-    /// (21).
+    /// Q̃ (21).
     pub q_tilde: DMatrix<f64>,
 }
 
-/// Candidates whose part orthogonal to the rows found so far is below this share of their length
-/// are passed over: they add no direction.
+/// Candidates whose part orthogonal to the rows found so far is below this share of their length are skipped: they add
+/// no direction.
 const DEPENDENT: f64 = 1e-6;
 
 impl ContactFrame {
-    /// The operators, with the empty rows of T and U₀ completed from `candidates` (3m-vectors, any
-    /// order; what they leave out is taken from the unit vectors). P and Q do not depend on them.
+    /// Builds the operators, with the empty rows of T and U₀ completed from `candidates` (3m-vectors in any order), and
+    /// from the unit vectors where these do not suffice. P and Q do not depend on the completion.
     ///
-    /// `None` if T or U cannot be inverted, which is so when no node carries weight.
+    /// Returns `None` if T or U cannot be inverted, as when no node carries weight.
     pub fn operators(&self, candidates: &[DVector<f64>]) -> Option<LiteralOperators> {
         let dof = 3 * self.weights.len();
         let t = self.t(candidates);
@@ -85,8 +85,8 @@ impl ContactFrame {
         })
     }
 
-    /// T of (8): rows of W first, unnormalised, then rows orthogonal to them in the inner product
-    /// of the metric's dual (M⁻¹ for the mass metric), not normalised either.
+    /// T of (8): first the rows of W, not normalised, then rows orthogonal to them in the inner product of the metric's
+    /// dual (M⁻¹ for the mass metric), not normalised either.
     fn t(&self, candidates: &[DVector<f64>]) -> DMatrix<f64> {
         let dof = 3 * self.weights.len();
         let dual: DVector<f64> = DVector::from_fn(dof, |i, _| match self.metric {
@@ -104,7 +104,7 @@ impl ContactFrame {
             }
             let length = inner(&candidate, &candidate).sqrt();
             let mut row = candidate;
-            // Twice is enough: the second pass removes what round-off left of the first.
+            // Two passes are enough: the second removes the round-off of the first.
             for _ in 0..2 {
                 for other in &rows {
                     row -= other * (inner(&row, other) / inner(other, other));
@@ -117,7 +117,7 @@ impl ContactFrame {
         DMatrix::from_fn(dof, dof, |i, j| rows.get(i).map_or(0.0, |row| row[j]))
     }
 
-    /// U₀ of (16): n̂ and two directions across it.
+    /// U₀ of (16): n̂ and two directions perpendicular to it.
     fn u0(&self) -> nalgebra::Matrix3<f64> {
         let n = self.normal;
         let mut across = Vec3::zeros();

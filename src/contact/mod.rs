@@ -1,5 +1,5 @@
-//! Contact of the instrument's tip with the surface: detecting it, following it over the surface, the friction law,
-//! and the tick that puts them in order.
+//! Contact of the instrument's tip with the surface: collision detection, tracking over the surface, the friction law,
+//! and the tick that runs them in order.
 
 pub mod collision;
 pub mod law;

@@ -1,19 +1,19 @@
-//! The point of the surface nearest to the tip, and whether the tip is outside.
+//! The surface point nearest to the tip, and the side of the surface on which the tip is.
 
 use super::shape::Shape;
 use crate::Vec3;
 use crate::surface::geometry::{ContactGeometry, ContactPoint};
 use crate::surface::tree::Aabb;
 
-/// Squared distances this close, m², are the same: the lowest triangle is taken. A point next to
+/// Squared distances this close, m², count as equal, and the triangle with the lowest index is taken. A point next to
 /// an edge has the same distance from both triangles to round-off.
 const SAME_DISTANCE_SQUARED: f64 = 1e-18;
 
-/// A box is passed over only if it is further by more than the round-off of its distance: at 10 cm
-/// the last bit of a squared distance is already larger than what counts as the same.
+/// A box is skipped only if it is further away by more than the round-off of its distance: at 10 cm the last bit of a
+/// squared distance already exceeds `SAME_DISTANCE_SQUARED`.
 const BOX_MARGIN: f64 = 1.0 + 1e-12;
 
-/// Which part of a triangle is nearest: its inside, the edge opposite a corner, or a corner.
+/// The feature of a triangle on which a nearest point lies: its interior, the edge opposite a corner, or a corner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Feature {
     /// The open triangle.
@@ -24,10 +24,10 @@ pub enum Feature {
     Corner(usize),
 }
 
-/// Barycentric weights of the point of a triangle nearest to q, and where that is.
+/// Barycentric weights of the point of a triangle nearest to q, and the feature it lies on.
 ///
-/// Voronoi regions of the corners, then of the edges, then the inside (Ericson, *Real-Time
-/// Collision Detection*, 5.1.5).
+/// Tests the Voronoi regions of the corners, then of the edges, then the interior (Ericson, *Real-Time Collision
+/// Detection*, 5.1.5).
 ///
 /// ```
 /// use stickslip::{Vec3, contact::nearest::{Feature, nearest_on_triangle}};
@@ -83,7 +83,7 @@ struct Nearest {
 }
 
 impl Shape<'_> {
-    /// The surface point nearest to q; the lowest triangle among those that are equally near.
+    /// Returns the surface point nearest to q, on the triangle of lowest index among those that are equally near.
     /// `None` only if the surface has no triangle, or its positions are not finite.
     pub fn nearest(&self, q: Vec3) -> Option<ContactPoint> {
         match &self.surface.geometry {
@@ -103,7 +103,7 @@ impl Shape<'_> {
         self.sweep(q, bound, |best, candidate| candidate.point.triangle < best.point.triangle).or(Some(least))
     }
 
-    /// The best of all triangles within a squared distance, by the given order.
+    /// Returns the best of all triangles within a squared distance, by the given order.
     fn sweep(&self, q: Vec3, bound: f64, better: impl Fn(&Nearest, &Nearest) -> bool) -> Option<Nearest> {
         let fixed_bound = bound < f64::INFINITY;
         let mut best: Option<Nearest> = None;
@@ -130,7 +130,7 @@ impl Shape<'_> {
         best
     }
 
-    /// Whether q is outside the closed surface, which must not intersect itself; a point on it is not.
+    /// Whether q is outside the closed surface, which must not intersect itself; a point on the surface is not outside.
     pub fn is_outside(&self, q: Vec3) -> bool {
         self.signed_distance(q) > 0.0
     }
@@ -143,7 +143,7 @@ impl Shape<'_> {
         }
     }
 
-    /// The sign is that of the angle-weighted pseudonormal at the nearest point (Bærentzen & Aanæs 2005).
+    /// Signed distance by the angle-weighted pseudonormal at the nearest point (Bærentzen & Aanæs 2005).
     fn signed_distance_to_triangles(&self, q: Vec3) -> f64 {
         let Some(nearest) = self.nearest_feature(q) else { return f64::NAN };
         let ContactPoint { triangle, .. } = nearest.point;
@@ -170,7 +170,7 @@ impl Shape<'_> {
         }
     }
 
-    /// Zero for a triangle without area, which has no say in a pseudonormal.
+    /// Unit normal of a face; zero for a triangle without area, which then adds nothing to a pseudonormal.
     fn unit_face_normal(&self, triangle: u32) -> Vec3 {
         self.area_normal(triangle).try_normalize(0.0).unwrap_or_default()
     }

@@ -1,8 +1,8 @@
-//! The door for a renderer of one's own: tip positions in, forces out, over a body that deforms.
+//! Extension point for custom renderers: tip positions in, forces out, over a body that deforms.
 //!
 //! A [`Renderer`] lives on the global side and builds a [`RendererModel`] from the network's state at every hand-over;
 //! the model lives on the servo side and renders ticks until the next one takes over. Contact, local model and friction
-//! law are then all the renderer's own; the scene's local model and scheme are not used.
+//! law are then the renderer's own; the scene's local model and scheme are not used.
 
 use std::any::Any;
 use std::fmt;
@@ -15,51 +15,51 @@ use crate::contact::law::Mode;
 use crate::model::network::Network;
 use crate::surface::geometry::{ContactPoint, SurfaceModel};
 
-/// What a renderer is given of the body: constant within a run.
+/// The body as a renderer sees it, constant within a run.
 #[derive(Debug, Clone, Copy)]
 pub struct Body<'a> {
     /// Nodes, masses and springs.
     pub network: &'a Network,
-    /// The boundary triangles, and the surface that the scene asks for.
+    /// The boundary triangles, and the contact surface that the scene requests.
     pub surface: &'a SurfaceModel,
 }
 
-/// The network at a hand-over.
+/// State of the network at a hand-over.
 #[derive(Debug, Clone, Copy)]
 pub struct BodyState<'a> {
     /// Node positions, m.
     pub x: &'a [Vec3],
     /// Node velocities, m/s.
     pub v: &'a [Vec3],
-    /// The tip, m.
+    /// Position of the tip, m.
     pub tip: Vec3,
-    /// The contact point at the boundary, as the renderer's last tick reported it; `None` if it was free.
+    /// Contact point on the boundary, as reported by the renderer's last tick; `None` if the tip was free.
     pub contact: Option<ContactPoint>,
 }
 
-/// What a renderer's tick gives.
+/// Result of a renderer's tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rendered {
     /// Force on the instrument, N.
     pub force: Vec3,
-    /// What the contact did.
+    /// Mode of the contact.
     pub mode: Mode,
-    /// The contact point and its outward unit normal; `None` when free. Without
-    /// [`moved`](RendererModel::moved), minus the force acts on the network at this point.
+    /// Contact point and its outward unit normal; `None` when free. Without [`moved`](RendererModel::moved), the
+    /// opposite of the force acts on the network at this point.
     pub contact: Option<(ContactPoint, Vec3)>,
 }
 
 impl Rendered {
-    /// No contact, no force.
+    /// A result without contact and force.
     pub const FREE: Self = Self { force: Vec3::new(0.0, 0.0, 0.0), mode: Mode::Free, contact: None };
 }
 
-/// Why a renderer cannot go on. It ends the run with a named fault.
+/// Reason why a renderer cannot go on. It ends the run with a named fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("the renderer failed: {0}")]
 pub struct RendererFault(pub &'static str);
 
-/// Nodes that a renderer moves itself, with their positions (m) and velocities (m/s): three slices of one length.
+/// Nodes that a renderer moves itself, with their positions and velocities: three slices of equal length.
 #[derive(Debug, Clone, Copy)]
 pub struct MovedNodes<'a> {
     /// Node indices.
@@ -70,9 +70,9 @@ pub struct MovedNodes<'a> {
     pub v: &'a [Vec3],
 }
 
-/// A renderer of one's own, on the global side.
+/// A custom renderer, on the global side.
 ///
-/// Contract: it is clonable and `Send`, since runs are copied and moved between threads; it is deterministic: the same
+/// Contract: it is clonable and `Send`, since runs are copied and moved between threads. It is deterministic: equal
 /// states give models that render the same forces to the bit. It may allocate and take its time: only the next model
 /// waits for it.
 ///
@@ -104,32 +104,32 @@ pub struct MovedNodes<'a> {
 /// # Ok::<(), stickslip::RunError>(())
 /// ```
 pub trait Renderer: DynClone + fmt::Debug + Send {
-    /// A model of the network at a hand-over, ready for ticks.
+    /// Builds a model from the network's state at a hand-over, ready for ticks.
     ///
     /// # Errors
-    /// If there is none; the run ends in a named fault.
+    /// If no model can be built; the run ends with a named fault.
     fn build(&mut self, body: Body<'_>, state: BodyState<'_>) -> Result<Box<dyn RendererModel>, RendererFault>;
 }
 
 dyn_clone::clone_trait_object!(Renderer);
 
-/// What a renderer runs on the servo side between two hand-overs.
+/// The model of a custom renderer, on the servo side between two hand-overs.
 ///
-/// Contract: it is clonable and `Send`; a tick allocates nothing, locks nothing and does no I/O, and depends on nothing
-/// but its arguments and the ticks before. A force that is not finite never reaches the instrument: it ends the run.
+/// Contract: it is clonable and `Send`; a tick allocates nothing, locks nothing and does no I/O, and depends only on
+/// its arguments and the ticks before. A force that is not finite never reaches the instrument: it ends the run.
 pub trait RendererModel: Any + DynClone + fmt::Debug + Send {
-    /// Goes on where the model in use until now has stopped. Called once, before the first tick; the old model goes back
-    /// to the global side and is freed there.
+    /// Goes on from where the model in use has stopped. Called once, before the first tick; the old model returns to
+    /// the global side and is freed there.
     fn take_over(&mut self, _old: &mut dyn RendererModel) {}
 
-    /// One tick, in which the tip goes from `before` to `tip`, m.
+    /// Renders one tick, in which the tip moves from `before` to `tip`, m.
     ///
     /// # Errors
-    /// With a fault, which ends the run.
+    /// If the renderer cannot go on; the fault ends the run.
     fn tick(&mut self, before: Vec3, tip: Vec3) -> Result<Rendered, RendererFault>;
 
-    /// The nodes that the last tick has moved, for the global side, which prescribes them; the set may change at a
-    /// hand-over only. `None`: the network is moved by minus the force, at the contact point.
+    /// Returns the nodes that the last tick has moved, for the global side, which prescribes them; the set may change
+    /// only at a hand-over. With `None`, the opposite of the force moves the network at the contact point.
     fn moved(&self) -> Option<MovedNodes<'_>> {
         None
     }

@@ -1,10 +1,10 @@
-//! What a tick reports.
+//! The report of a tick.
 
 use super::law::Mode;
 use super::shape::Touch;
 use crate::Vec3;
 
-/// What a tick did.
+/// Result of one tick.
 ///
 /// ```
 /// use stickslip::{pipeline, contact::law::Mode, contact::report::TickReport, scene::Scene};
@@ -21,15 +21,15 @@ use crate::Vec3;
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TickReport {
-    /// Free, or what the contact did.
+    /// Mode of the contact; free without one.
     pub mode: Mode,
     /// Force commanded to the instrument, before device limits, N.
     pub force: Vec3,
-    /// f·n̂, N; 0 when free.
+    /// Normal contact force f·n̂, N; 0 when free.
     pub normal_force: f64,
-    /// Where the contact was; `None` when free.
+    /// Location of the contact; `None` when free.
     pub touch: Option<Touch>,
-    /// τ, if the contact began in this tick.
+    /// Time of collision τ, a fraction of the tick, if the contact began in this tick.
     pub collision_time: Option<f64>,
     /// Whether a contact ended in this tick.
     pub released: bool,
@@ -40,7 +40,7 @@ pub struct TickReport {
 }
 
 impl TickReport {
-    /// Before the first tick.
+    /// Returns the report that stands before the first tick.
     pub fn none() -> Self {
         Self::free(false)
     }
@@ -63,7 +63,7 @@ impl TickReport {
         Self { mode, force, normal_force, touch: Some(touch), ..Self::free(false) }
     }
 
-    /// |f − (f·n̂) n̂|, N; 0 when free.
+    /// Magnitude of the tangential force |f − (f·n̂) n̂|, N; 0 when free.
     pub fn tangential_force(&self) -> f64 {
         self.touch.map_or(0.0, |touch| (self.force - touch.normal * self.normal_force).norm())
     }

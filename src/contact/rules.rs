@@ -1,41 +1,41 @@
-//! What a scene decides about contact, apart from the surface: law, scheme and rigid ground.
+//! The contact settings of a scene, apart from the surface: law, scheme and rigid ground.
 
 use super::law::Law;
 use crate::surface::support::Metric;
 use crate::word::words;
 
-/// Below this share of its weight on free patch nodes a contact point is rigid.
+/// A contact point with less than this share of its weight on free patch nodes is rigid.
 pub const RIGID_BELOW: f64 = 0.5;
 
-/// How the mesh is moved out of (or back to) the tip.
+/// Rule by which the mesh is moved out of (or back to) the tip.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Deformation {
-    /// Every free support node by d/Σ_free w: the triangle is pushed (the paper).
+    /// Moves every free support node by d/Σ_free w: the triangle is pushed (the paper).
     #[default]
     Rigid,
-    /// Node i by wᵢd/s: the smallest displacement that brings the contact point to the tip.
+    /// Moves node i by wᵢd/s: the smallest displacement that brings the contact point to the tip.
     LeastNorm,
 }
 
 words!(Deformation { Rigid = "rigid", LeastNorm = "least-norm" });
 
-/// What a surface that cannot yield answers with.
+/// Response of a surface that cannot yield: a spring and a damper.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wall {
-    /// N/m.
+    /// Stiffness, N/m.
     pub stiffness: f64,
-    /// N·s/m.
+    /// Damping, N·s/m.
     pub damping: f64,
 }
 
 impl Default for Wall {
-    /// 1 kN/m, without damping.
+    /// Returns 1 kN/m, without damping.
     fn default() -> Self {
         Self { stiffness: 1000.0, damping: 0.0 }
     }
 }
 
-/// How a contact constrains the mesh.
+/// Scheme by which a contact constrains the mesh.
 ///
 /// ```
 /// use stickslip::{contact::rules::{Deformation, Scheme}, surface::support::Metric};
@@ -48,26 +48,26 @@ impl Default for Wall {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Scheme {
-    /// The mesh is moved to the tip, and stopped there (the paper). Moving it takes no work.
+    /// The mesh is moved to the tip and stopped there (the paper). Moving it takes no work.
     Geometric {
-        /// How the mesh is moved to the tip.
+        /// Rule by which the mesh is moved to the tip.
         deformation: Deformation,
-        /// The inner product of P and Q.
+        /// Inner product of P and Q.
         metric: Metric,
     },
-    /// An impulse makes the contact point follow the tip. Keeps the books of momentum and energy.
+    /// An impulse makes the contact point follow the tip. Momentum and energy are balanced.
     Velocity,
 }
 
 impl Default for Scheme {
-    /// The paper's.
+    /// Returns the paper's scheme.
     fn default() -> Self {
         Scheme::Geometric { deformation: Deformation::default(), metric: Metric::default() }
     }
 }
 
 impl Scheme {
-    /// The inner product in which a tick projects. An impulse acts through the masses.
+    /// Returns the inner product in which a tick projects. An impulse acts through the masses.
     pub fn metric(self) -> Metric {
         match self {
             Scheme::Geometric { metric, .. } => metric,
@@ -75,9 +75,9 @@ impl Scheme {
         }
     }
 
-    /// That of the P with which a cycle holds the contact point under
-    /// [`SyncMode::Overwrite`](crate::multirate::global::SyncMode::Overwrite): the paper's, unless the scene
-    /// says otherwise.
+    /// Returns the inner product of the P with which a cycle holds the contact point under
+    /// [`SyncMode::Overwrite`](crate::multirate::global::SyncMode::Overwrite): the paper's, unless the scene says
+    /// otherwise.
     pub fn overwrite_metric(self) -> Metric {
         match self {
             Scheme::Geometric { metric, .. } => metric,
@@ -86,13 +86,13 @@ impl Scheme {
     }
 }
 
-/// Everything a scene decides about contact but the surface.
+/// All contact settings of a scene except the surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactRules {
-    /// The constraint.
+    /// The contact law.
     pub law: Law,
-    /// How it is put on the mesh.
+    /// The scheme by which the law acts on the mesh.
     pub scheme: Scheme,
-    /// Rigid contact.
+    /// Stiffness and damping of rigid ground.
     pub wall: Wall,
 }

@@ -1,5 +1,5 @@
-//! The contact surface at one instant: where a contact point is, which way its normal points, and
-//! how it follows the tip from triangle to triangle.
+//! The contact surface at one instant: the position and the normal of a contact point, and how the point follows the
+//! tip from triangle to triangle.
 
 use crate::local::model::LocalModel;
 use crate::local::patch::OUTSIDE;
@@ -7,7 +7,7 @@ use crate::surface::geometry::{ContactGeometry, ContactPoint, SurfaceModel};
 use crate::surface::support::{Metric, Support};
 use crate::{Mat3, Vec3};
 
-/// The surface at one instant.
+/// The contact surface at one instant.
 ///
 /// ```
 /// use stickslip::surface::support::{Metric, Support};
@@ -27,7 +27,7 @@ use crate::{Mat3, Vec3};
 /// assert!((touch.position - Vec3::new(0.001, 0.002, 0.0)).norm() < 1e-15);
 /// assert_eq!(block.position(&point), touch.position);
 ///
-/// // Following the tip from triangle to triangle leads to the foot of its height.
+/// // Following the tip from triangle to triangle leads to the point below it.
 /// let far = Vec3::new(0.031, -0.022, -0.001);
 /// let mut visited = Visited::new(simulation.surface().triangles.len());
 /// let Projection::Found(there) = block.project(&point, far, &mut visited) else { panic!("over the border") };
@@ -41,37 +41,37 @@ use crate::{Mat3, Vec3};
 /// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Shape<'a> {
-    /// The surface of the whole body.
+    /// The contact surface of the whole body.
     pub surface: &'a SurfaceModel,
-    /// The local model, which says where its vertices are.
+    /// The local model, which determines the vertex positions.
     pub model: &'a LocalModel,
     /// Positions of the patch's slots, m.
     pub x: &'a [Vec3],
-    /// Seconds since the state the model was built from.
+    /// Time since the state that the model was built from, s.
     pub elapsed: f64,
 }
 
 /// A contact located at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Touch {
-    /// The material point.
+    /// Material point of the contact.
     pub point: ContactPoint,
-    /// Its position, m.
+    /// Position of the contact, m.
     pub position: Vec3,
-    /// n̂.
+    /// Outward unit normal n̂.
     pub normal: Vec3,
 }
 
-/// Where a projection led.
+/// Result of a projection.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Projection {
-    /// To this point.
+    /// The projection led to this point.
     Found(ContactPoint),
-    /// Over the border of an open surface.
+    /// The projection left an open surface over its border.
     OverBorder,
 }
 
-/// Triangles that a walk has seen, without clearing between walks.
+/// The triangles that a walk has visited; it needs no clearing between walks.
 #[derive(Debug, Clone)]
 pub struct Visited {
     stamp: Vec<u64>,
@@ -79,7 +79,7 @@ pub struct Visited {
 }
 
 impl Visited {
-    /// For a surface of this many triangles.
+    /// Allocates for a surface of this many triangles.
     pub fn new(triangles: usize) -> Self {
         Self { stamp: vec![0; triangles], walk: 0 }
     }
@@ -97,25 +97,25 @@ impl Visited {
     }
 }
 
-/// Newton steps of the projection along the normal field end when no weight changes by more.
+/// Newton's projection along the normal field ends when no weight changes by more than this.
 const NEWTON_TOLERANCE: f64 = 1e-12;
-/// Quadratic convergence needs five or six from anywhere in a triangle; a search that takes more
-/// than this goes in circles.
+/// Cap on Newton steps. Quadratic convergence needs five or six from anywhere in a triangle; a search that takes more
+/// than this cycles.
 const NEWTON_STEPS: usize = 40;
 
 impl<'a> Shape<'a> {
-    /// Corners of a triangle, m.
+    /// Returns the corners of a triangle, m.
     #[inline]
     pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
         self.surface.topology.triangles[triangle as usize].map(|v| self.model.vertex(v, self.x, self.elapsed))
     }
 
-    /// How far, m, a vertex may be from where it was when the model was built.
+    /// Largest possible distance of a vertex from its position when the model was built, m.
     pub fn reach(&self) -> f64 {
         self.model.reach(self.x, self.elapsed)
     }
 
-    /// Where a contact point is, m.
+    /// Returns the position of a contact point, m.
     pub fn position(&self, point: &ContactPoint) -> Vec3 {
         match &self.surface.geometry {
             ContactGeometry::Faceted | ContactGeometry::Shaded => point.position(self.corners(point.triangle)),
@@ -123,14 +123,14 @@ impl<'a> Shape<'a> {
         }
     }
 
-    /// Cross product of two edges: twice the area, along the outward normal, m².
+    /// Cross product of two edges, m²: twice the area, along the outward normal.
     pub fn area_normal(&self, triangle: u32) -> Vec3 {
         let [a, b, c] = self.corners(triangle);
         (b - a).cross(&(c - a))
     }
 
-    /// A contact as it stands at this instant, and its W. n̂ is not finite where the triangle has no
-    /// area, or the limit surface no tangent plane.
+    /// Locates a contact at this instant and sets its W. n̂ is not finite where the triangle has no area, or the limit
+    /// surface no tangent plane.
     pub fn touch(&self, metric: Metric, point: &ContactPoint, support: &mut Support) -> Touch {
         let triangle = point.triangle;
         let (position, normal) = match &self.surface.geometry {
@@ -162,7 +162,7 @@ impl<'a> Shape<'a> {
         })
     }
 
-    /// W of a contact point: the nodes of its support that are free and in the patch.
+    /// Sets W of a contact point: the nodes of its support that are free and in the patch.
     fn set_support(
         &self,
         metric: Metric,
@@ -183,11 +183,11 @@ impl<'a> Shape<'a> {
 
     /// Projects q onto the surface, walking from triangle to triangle.
     ///
-    /// A projection that leaves its triangle crosses the edge opposite its most negative weight. In
-    /// front of a triangle already seen, which is so in a valley, it takes the nearest point of the
-    /// shared edge and the lower of the two triangles.
+    /// A projection that leaves its triangle crosses the edge opposite its most negative weight. If the next triangle
+    /// has already been visited, as happens in a valley, the result is the nearest point of the shared edge, on the
+    /// triangle of lower index.
     ///
-    /// On a limit surface it is the nearest point.
+    /// On a limit surface the projection is the nearest point.
     pub fn project(&self, from: &ContactPoint, q: Vec3, visited: &mut Visited) -> Projection {
         let along_field = match &self.surface.geometry {
             ContactGeometry::Faceted => false,
@@ -209,7 +209,7 @@ impl<'a> Shape<'a> {
                 self.onto_plane(here.triangle, q)
             };
             let (opposite, least) = least_weight(found.weights);
-            // Also where the weights are not finite: the tick turns these into a fault.
+            // This also ends where the weights are not finite: the tick turns them into a fault.
             if !(least < 0.0) {
                 return Projection::Found(found);
             }
@@ -224,13 +224,13 @@ impl<'a> Shape<'a> {
         }
     }
 
-    /// Orthogonal projection onto the plane of a triangle.
+    /// Projects q orthogonally onto the plane of a triangle.
     fn onto_plane(&self, triangle: u32, q: Vec3) -> ContactPoint {
         let [a, b, c] = self.corners(triangle);
         ContactPoint { triangle, weights: plane_weights(b - a, c - a, q - a) }
     }
 
-    /// The point whose interpolated normal passes through q: p(w) + t n(w) = q, by Newton.
+    /// Returns the point whose interpolated normal passes through q, from p(w) + t n(w) = q by Newton.
     fn along_normals(&self, from: &ContactPoint, q: Vec3) -> Option<ContactPoint> {
         let [a, b, c] = self.corners(from.triangle);
         let [na, nb, nc] = self.vertex_normals(from.triangle);
@@ -252,7 +252,7 @@ impl<'a> Shape<'a> {
         None
     }
 
-    /// The point of the edge between two triangles that is nearest to q.
+    /// Returns the point nearest to q on the edge between two triangles.
     fn on_shared_edge(&self, triangle: u32, opposite: usize, neighbor: u32, q: Vec3) -> ContactPoint {
         let lower = triangle.min(neighbor);
         let triangles = &self.surface.topology.triangles;

@@ -18,7 +18,7 @@ use crate::surface::support::Support;
 ///
 /// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
 /// let mut local = Simulation::prepare(&scene)?.into_sides().servo.into_local();
-/// // From 1 mm above the block to 1 mm below where its top was, in 20 ms.
+/// // From 1 mm above the block to 1 mm below its former top, in 20 ms.
 /// let (mut tip, mut report) = (Vec3::new(-0.03, 0.0013, 0.001), TickReport::none());
 /// for _ in 0..20 {
 ///     let next = tip - Vec3::z() * 1e-4;
@@ -49,16 +49,17 @@ pub struct LocalSimulation {
     pub(super) support: Support,
     pub(super) visited: Visited,
     pub(super) hits: Hits,
-    /// Λ·(what was left of the way to the tip)/h of the last tick, J, where the model has a [`LinearStep`].
+    /// Λ·(the contact point's gap to the tip at the tick's end, before it is closed)/h of the last tick, J, where the
+    /// model has a linear step.
     pub(super) work_left: f64,
-    /// A model of a renderer of one's own, which then renders the ticks.
+    /// The model of a custom renderer, which then renders the ticks.
     pub(super) renderer: Option<Box<dyn RendererModel>>,
-    /// Why that renderer cannot go on.
+    /// Reason why that renderer cannot go on.
     pub(super) renderer_fault: Option<RendererFault>,
 }
 
 impl LocalSimulation {
-    /// Starts with a first model; `tick_s` is h. All that ticks need is allocated here.
+    /// Starts with a first model; `tick_s` is h. All memory that ticks need is allocated here.
     pub fn new(rules: ContactRules, tick_s: f64, surface: SurfaceModel, model: LocalModel, state: LocalState) -> Self {
         let triangles = surface.topology.triangles.len();
         Self {
@@ -79,13 +80,13 @@ impl LocalSimulation {
         }
     }
 
-    /// Puts a new model to use, `latency` ticks after the state it was built from. Nodes of both
-    /// patches go on from where they are; nodes that enter start at the new model's state. The old
-    /// model comes back, so that whoever built it can dispose of it.
+    /// Puts a new model to use, `latency` ticks after the state it was built from. Nodes of both patches go on from
+    /// where they are; nodes that enter start at the new model's state. Returns the old model and state, so that their
+    /// builder can dispose of them.
     ///
-    /// The exterior jumps to where the new model has it. If that puts a free tip inside, no motion
-    /// within a tick will ever show it to collision detection: the tip is taken to be in contact
-    /// with the nearest point, as after tension.
+    /// The exterior jumps to its position in the new model. If that puts a free tip inside, no motion within a tick
+    /// will ever show it to collision detection: the tip is taken to be in contact with the nearest point, as after
+    /// tension.
     pub fn hand_over(
         &mut self,
         model: LocalModel,
@@ -103,8 +104,8 @@ impl LocalSimulation {
         before
     }
 
-    /// Puts a model of a renderer of one's own to use, which goes on from the one before. The old one comes back, so that
-    /// whoever built it can dispose of it.
+    /// Puts the model of a custom renderer to use, which goes on from the one before. Returns the old one, so that its
+    /// builder can dispose of it.
     pub fn take_over(&mut self, mut renderer: Option<Box<dyn RendererModel>>) -> Option<Box<dyn RendererModel>> {
         if let (Some(new), Some(old)) = (&mut renderer, &mut self.renderer) {
             new.take_over(old.as_mut());
@@ -112,64 +113,65 @@ impl LocalSimulation {
         std::mem::replace(&mut self.renderer, renderer)
     }
 
-    /// Whether a renderer of one's own renders the ticks.
+    /// Whether a custom renderer renders the ticks.
     pub fn is_rendered_by_another(&self) -> bool {
         self.renderer.is_some()
     }
 
-    /// The nodes that a renderer of one's own has moved.
+    /// Returns the nodes that a custom renderer has moved.
     pub fn moved(&self) -> Option<MovedNodes<'_>> {
         self.renderer.as_ref().and_then(|renderer| renderer.moved())
     }
 
-    /// Why a renderer of one's own cannot go on.
+    /// Reason why a custom renderer cannot go on, if it cannot.
     pub fn renderer_fault(&self) -> Option<RendererFault> {
         self.renderer_fault
     }
 
-    /// The contact surface of the whole body.
+    /// Returns the contact surface of the whole body.
     pub fn surface(&self) -> &SurfaceModel {
         &self.surface
     }
 
-    /// The model in use.
+    /// Returns the model in use.
     pub fn model(&self) -> &LocalModel {
         &self.model
     }
 
-    /// Its state.
+    /// Returns the state of the model in use.
     pub fn state(&self) -> &LocalState {
         &self.state
     }
 
-    /// The contact, if there is one.
+    /// Returns the contact, if there is one.
     pub fn contact(&self) -> Option<Contact> {
         self.contact
     }
 
-    /// Puts the contact at a point, as after a tick that stuck there.
+    /// Puts the contact at a point, as after a tick of sticking there.
     pub fn hold(&mut self, point: ContactPoint) {
         self.contact = Some(Contact { point, state: ContactState::Stick });
     }
 
-    /// Ticks done with this model.
+    /// Ticks done with the model in use.
     pub fn model_age(&self) -> u64 {
         self.age
     }
 
-    /// Seconds since the state that the model was built from.
+    /// Time since the state that the model was built from, s.
     pub fn elapsed(&self) -> f64 {
         (self.latency + self.age) as f64 * self.tick_s
     }
 
-    /// The surface now.
+    /// Returns the surface at this instant.
     pub fn shape(&self) -> Shape<'_> {
         Shape { surface: &self.surface, model: &self.model, x: &self.state.x, elapsed: self.elapsed() }
     }
 
-    /// ½ Δvᵀ M Δv of the last tick, J, under the velocity scheme. The geometric one has no such term: it
-    /// changes velocities in several places and keeps no energy book. Nor have steps whose impulse acts over the
-    /// whole tick: they lose the work of Λ over what `follow` closes.
+    /// Energy lost in the velocity jump of the last tick, ½ Δvᵀ M Δv, J, under the velocity scheme. The geometric
+    /// scheme has no such term: it changes velocities in several places and does not satisfy an energy balance. A step
+    /// whose impulse acts over the whole tick has none either: it loses the work of Λ over the gap that the tick closes
+    /// at its end.
     ///
     /// ```
     /// use stickslip::{Vec3, contact::rules::Scheme, pipeline::Simulation, scene::Scene};

@@ -1,4 +1,4 @@
-//! A contact between two ticks.
+//! The contact between two ticks.
 
 use super::law::Mode;
 use crate::surface::geometry::ContactPoint;
@@ -8,20 +8,20 @@ use crate::surface::geometry::ContactPoint;
 pub struct Contact {
     /// Material point of the surface.
     pub point: ContactPoint,
-    /// What the contact did in its last tick.
+    /// State of the contact in its last tick.
     pub state: ContactState,
 }
 
-/// What a contact did in its last tick.
+/// State of a contact in its last tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ContactState {
-    /// It held its point.
+    /// The contact held its point.
     Stick,
-    /// It slid without friction, or over rigid ground.
+    /// The contact slid without friction, or over rigid ground.
     Slide,
-    /// It slipped at the Coulomb bound.
+    /// The contact slipped at the Coulomb bound.
     Slip,
-    /// It was under tension: it exerted no force and is kept until the tip is outside.
+    /// The contact was under tension: it exerted no force and is kept until the tip is outside.
     Tension,
 }
 

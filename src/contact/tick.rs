@@ -7,7 +7,7 @@
 use super::collision::{Collision, first_collision};
 use super::law::{Impulse, Mode};
 use super::limit_surface::MovingLimit;
-use super::renderer::{Rendered, RendererFault};
+use super::renderer::{MovedNodes, Rendered, RendererFault};
 use super::report::TickReport;
 use super::rules::{Deformation, RIGID_BELOW, Scheme, Wall};
 use super::shape::{Projection, Shape, Touch};
@@ -19,16 +19,24 @@ use crate::model::state::snap_to_rest;
 use crate::surface::geometry::{ContactGeometry, ContactPoint};
 use crate::surface::support::Metric;
 
-/// What step 2 finds.
+/// Result of step 2.
 enum Detected {
     /// The tip passes through the surface in this tick.
     Collision(Collision),
-    /// An earlier contact goes on at this point.
+    /// An earlier contact continues at this point.
     Contact(ContactPoint),
 }
 
+/// What detection leaves for a scheme without a rewind.
+enum WholeTick {
+    /// A contact at the start of the tick, and the time of collision if it begins in this tick.
+    Contact(Touch, Option<f64>),
+    /// The tick is over: the tip is free, or the ground rigid.
+    Over(TickReport),
+}
+
 impl LocalSimulation {
-    /// One tick, in which the tip goes from q₀ to q₁.
+    /// Runs one tick, in which the tip moves from q₀ to q₁, m.
     pub fn tick(&mut self, q0: Vec3, q1: Vec3) -> TickReport {
         let report = match self.rules.scheme {
             _ if self.renderer.is_some() => self.rendered_tick(q0, q1),
@@ -42,7 +50,7 @@ impl LocalSimulation {
         report
     }
 
-    /// The paper's hybrid: the mesh is moved to the tip, and its velocity constrained, over what is left of the tick
+    /// The paper's hybrid scheme: moves the mesh to the tip and constrains its velocity, over the rest of the tick
     /// after a collision.
     fn geometric_tick(&mut self, deformation: Deformation, metric: Metric, q0: Vec3, q1: Vec3) -> TickReport {
         // 1. Predict.
@@ -68,7 +76,7 @@ impl LocalSimulation {
 
         // 4. Force.
         let reaction = self.support.reaction(&self.state.f);
-        // A reaction that is not a number is no tension: it goes on to the fail-safe.
+        // A NaN reaction is no tension: it goes on to the fail-safe.
         if reaction.dot(&touch.normal) <= 0.0 {
             return self.keep_under_tension(point, collision_time);
         }
@@ -79,7 +87,7 @@ impl LocalSimulation {
         self.keep(TickReport { collision_time, ..TickReport::touching(mode, force, touch) })
     }
 
-    /// An impulse makes the contact point follow the tip over the whole tick, without a rewind.
+    /// The velocity scheme: an impulse makes the contact point follow the tip over the whole tick, without a rewind.
     fn velocity_tick(&mut self, q0: Vec3, q1: Vec3) -> TickReport {
         // 1. Predict.
         self.model.evaluate_forces(self.elapsed(), &mut self.state);
@@ -87,8 +95,8 @@ impl LocalSimulation {
 
         // 2. Detect.
         let (touch, collision_time) = match self.touch_of_whole_tick(q0, q1) {
-            Ok(found) => found,
-            Err(report) => return report,
+            WholeTick::Contact(touch, collision_time) => (touch, collision_time),
+            WholeTick::Over(report) => return report,
         };
 
         // 4. Force: −Λ/h with the impulse Λ = G⁻¹r on the mesh, G = WM⁻¹Wᵀ, r = (q₁ − p)/h − W v*.
@@ -98,8 +106,8 @@ impl LocalSimulation {
             return self.keep_under_tension(touch.point, collision_time);
         }
 
-        // 5. Law. G is a multiple of the identity: n̂(n̂·r)/(n̂·Gn̂), and a(−n̂ + μt̂) beyond the Coulomb bound, are what
-        // the law makes of G⁻¹r. Velocity: v ← v* + M⁻¹WᵀΛ.
+        // 5. Law. G is a multiple of the identity, so the law turns G⁻¹r into n̂(n̂·r)/(n̂·Gn̂), and into a(−n̂ + μt̂)
+        // beyond the Coulomb bound. Velocity: v ← v* + M⁻¹WᵀΛ.
         let (mode, force) = self.rules.law.contact_force(reaction, touch.normal);
         let LocalState { x, v, v_predicted, .. } = &mut self.state;
         self.support.push(force * -self.tick_s, v_predicted);
@@ -115,11 +123,11 @@ impl LocalSimulation {
     /// The velocity scheme where an impulse moves the whole patch: v = v* + A⁻¹WᵀΛ with Λ by the law for G = WA⁻¹Wᵀ and
     /// r = (q₁ − p)/h − W v*, so that the constraint holds for the velocity at the tick's end.
     ///
-    /// x = x* + XWᵀΛ is the integrator's own way. It ends at the tip if x advances by h v. Otherwise, the midpoint rule
-    /// and the exact solution, the contact point misses the tip by what its velocity was off before the tick's end:
-    /// h W(v − v₋)/2 for the midpoint rule, nothing as long as the tip keeps its velocity. Constraining the mean
-    /// velocity instead would leave no gap, but alternate: 2u, 0, 2u … after a jump to u. The gap is closed along XWᵀ, in
-    /// the directions that the mode holds: as if the velocity of the tick's start had met the constraint too.
+    /// The integrator's own position update is x = x* + XWᵀΛ. It ends at the tip if x advances by h v. Under the
+    /// midpoint rule and the exact solution the contact point misses the tip by its velocity error before the tick's
+    /// end: h W(v − v₋)/2 for the midpoint rule, zero as long as the tip keeps its velocity. Constraining the mean
+    /// velocity instead would leave no gap, but alternate: 2u, 0, 2u … after a jump to u. The gap is closed along XWᵀ,
+    /// in the directions that the mode holds, as if the velocity at the tick's start had met the constraint too.
     fn linear_step_tick(&mut self, q0: Vec3, q1: Vec3) -> TickReport {
         // 1. Predict.
         self.work_left = 0.0;
@@ -130,8 +138,8 @@ impl LocalSimulation {
 
         // 2. Detect.
         let (touch, collision_time) = match self.touch_of_whole_tick(q0, q1) {
-            Ok(found) => found,
-            Err(report) => return report,
+            WholeTick::Contact(touch, collision_time) => (touch, collision_time),
+            WholeTick::Over(report) => return report,
         };
 
         // 4. and 5. Force and law.
@@ -139,19 +147,20 @@ impl LocalSimulation {
         let LocalState { x, v_predicted, x_predicted, response, .. } = state;
         let (n, way) = (touch.normal, q1 - touch.position);
         let r = way / *h - support.velocity(v_predicted);
-        // What is not a number is no tension: it goes on to the fail-safe.
+        // NaN is no tension: it goes on to the fail-safe.
         let impulse = model.step.as_ref().filter(|_| !(r.dot(&n) >= 0.0)).map(|step| {
             step.respond(support, response);
             let [g, gx] = response.at_contact(support);
             (self.rules.law.impulse(&g, r, n, *h), gx)
         });
-        // An exact step whose modes turn within the tick may respond to a push the other way: nothing can be pushed then.
+        // An exact step whose modes turn within the tick may respond to a push in the opposite direction: then nothing
+        // can be pushed.
         let Some((Impulse { mode, value, fell_back }, gx)) = impulse.filter(|(push, _)| !(push.value.dot(&n) >= 0.0))
         else {
             return self.keep_under_tension(touch.point, collision_time);
         };
 
-        // 6. Move, and close what the contact point misses of the tip.
+        // 6. Move, and close the gap between the contact point and the tip.
         let left = way - (support.velocity(x_predicted) - support.velocity(x)) - gx * value;
         let (left, closing) = match mode {
             Mode::Stick => (left, gx.try_inverse().map_or(Vec3::zeros(), |inverse| inverse * left)),
@@ -167,14 +176,20 @@ impl LocalSimulation {
         self.keep(TickReport { collision_time, fell_back, ..TickReport::touching(mode, force, touch) })
     }
 
-    /// A renderer of one's own does all of the tick. What it reports is checked: its contact point lies on the surface.
+    /// A tick of a custom renderer. Checks that the contact point it reports lies on the surface.
     fn rendered_tick(&mut self, q0: Vec3, q1: Vec3) -> TickReport {
         let Some(renderer) = &mut self.renderer else { return self.release() };
         let triangles = self.surface.topology.triangles.len();
         let is_on_surface = |point: &ContactPoint| {
             (point.triangle as usize) < triangles && point.weights.iter().all(|weight| weight.is_finite())
         };
+        let is_complete = |moved: MovedNodes| moved.nodes.len() == moved.x.len() && moved.x.len() == moved.v.len();
         let rendered = match renderer.tick(q0, q1) {
+            Ok(_) if !renderer.moved().is_none_or(is_complete) => {
+                self.renderer_fault =
+                    Some(RendererFault("it does not give a position and a velocity for each node it moves"));
+                Rendered::FREE
+            }
             Ok(rendered) if rendered.contact.is_none_or(|(point, _)| is_on_surface(&point)) => rendered,
             Ok(_) => {
                 self.renderer_fault = Some(RendererFault("its contact point is not on the surface"));
@@ -219,7 +234,7 @@ impl LocalSimulation {
         Shape { surface: &self.surface, model: &self.model, x: &self.state.x_predicted, elapsed }
     }
 
-    /// Step 2: where the tip meets the surface in this tick; `None` where it does not, or no longer.
+    /// Step 2: returns the point where the tip meets the surface in this tick; `None` if there is none.
     fn detect(&mut self, q0: Vec3, q1: Vec3) -> Option<Detected> {
         let elapsed = self.elapsed();
         let now = Shape { surface: &self.surface, model: &self.model, x: &self.state.x, elapsed };
@@ -251,23 +266,23 @@ impl LocalSimulation {
         }
     }
 
-    /// Steps 1 and 2 of a scheme without a rewind end here: the contact at the start of the tick, or the report of a
-    /// tick that is over, because the tip is free or the ground rigid.
-    fn touch_of_whole_tick(&mut self, q0: Vec3, q1: Vec3) -> Result<(Touch, Option<f64>), TickReport> {
+    /// Steps 1 and 2 of a scheme without a rewind: returns the contact at the start of the tick, or the report of a
+    /// tick that is already over because the tip is free or the ground rigid.
+    fn touch_of_whole_tick(&mut self, q0: Vec3, q1: Vec3) -> WholeTick {
         let (point, collision_time) = match self.detect(q0, q1) {
-            None => return Err(self.release()),
+            None => return WholeTick::Over(self.release()),
             Some(Detected::Contact(point)) => (point, None),
             Some(Detected::Collision(Collision { point, time })) => (point, Some(time)),
         };
         let shape = Shape { surface: &self.surface, model: &self.model, x: &self.state.x, elapsed: self.elapsed() };
         let touch = shape.touch(Metric::Mass, &point, &mut self.support);
         if self.support.free_weight() < RIGID_BELOW {
-            return Err(self.respond_rigidly(touch, collision_time, q0, q1));
+            return WholeTick::Over(self.respond_rigidly(touch, collision_time, q0, q1));
         }
-        Ok((touch, collision_time))
+        WholeTick::Contact(touch, collision_time)
     }
 
-    /// Back to the time of collision, a fraction of the tick: x ← x + τ h v*, v ← v + τ h M⁻¹f. Returns τ h, s.
+    /// Goes back to the time of collision, a fraction of the tick: x ← x + τ h v*, v ← v + τ h M⁻¹f. Returns τ h, s.
     fn rewind(&mut self, time: f64) -> f64 {
         let passed = time * self.tick_s;
         let LocalState { x, v, f, v_predicted, .. } = &mut self.state;
@@ -279,8 +294,7 @@ impl LocalSimulation {
         passed
     }
 
-    /// Step 3: moves the contact point to the tip (for sliding, along the normal only), and brings
-    /// the forces up to date for step 4.
+    /// Step 3: moves the contact point to the tip (for sliding, along the normal only), and updates the forces.
     fn deform(&mut self, deformation: Deformation, touch: Touch, elapsed: f64, q1: Vec3) {
         let mut d = q1 - touch.position;
         if self.rules.law.follows_along_normal_only() {
@@ -300,7 +314,7 @@ impl LocalSimulation {
         self.model.update_forces(elapsed, &mut self.state, moved);
     }
 
-    /// Steps 5 and 6 of the geometric scheme: velocities under the constraint, then x ← x + h v over the rest of the
+    /// Steps 5 and 6 of the geometric scheme: constrains the velocities, then moves x ← x + h v over the rest of the
     /// tick.
     fn constrain_and_move(&mut self, mode: Mode, normal: Vec3, force: Vec3, rest: f64) {
         let LocalState { x, v, f, .. } = &mut self.state;
@@ -316,29 +330,29 @@ impl LocalSimulation {
         }
     }
 
-    /// The contact goes on after a tick in which it exerted a force.
+    /// Keeps the contact after a tick in which it exerted a force.
     fn keep(&mut self, report: TickReport) -> TickReport {
         let state = ContactState::after(report.mode);
         self.contact = report.touch.map(|touch| Contact { point: touch.point, state });
         report
     }
 
-    /// The contact pulls at the tip: it exerts no force, and is kept until the tip is outside the surface.
+    /// Keeps a contact that pulls at the tip: it exerts no force, and ends once the tip is outside the surface.
     fn keep_under_tension(&mut self, point: ContactPoint, collision_time: Option<f64>) -> TickReport {
         self.contact = Some(Contact { point, state: ContactState::Tension });
         self.accept_prediction();
         TickReport { collision_time, ..TickReport::free(false) }
     }
 
-    /// The prediction is accepted without a contact.
+    /// Accepts the prediction, without a contact.
     fn release(&mut self) -> TickReport {
         let released = self.contact.take().is_some();
         self.accept_prediction();
         TickReport::free(released)
     }
 
-    /// The force of rigid ground, max(0, k(p − q₁)·n̂ − b q̇·n̂) n̂, without a force on the mesh, until the tip is
-    /// outside.
+    /// Applies the force of rigid ground, max(0, k(p − q₁)·n̂ − b q̇·n̂) n̂, without a force on the mesh, until the tip
+    /// is outside.
     fn respond_rigidly(&mut self, touch: Touch, collision_time: Option<f64>, q0: Vec3, q1: Vec3) -> TickReport {
         if self.predicted_shape().is_outside(q1) {
             return self.release();
@@ -347,7 +361,7 @@ impl LocalSimulation {
         let depth = (touch.position - q1).dot(&touch.normal);
         let speed = ((q1 - q0) / self.tick_s).dot(&touch.normal);
         let push = stiffness * depth - damping * speed;
-        // Written so that NaN is passed on to the fail-safe instead of becoming zero.
+        // This form passes NaN on to the fail-safe; max(0, …) would turn it into zero.
         let push = if push <= 0.0 { 0.0 } else { push };
         self.accept_prediction();
         self.keep(TickReport {

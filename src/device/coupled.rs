@@ -1,5 +1,6 @@
-//! The modelled device with what lies between it and contact: the device moves, is measured, a virtual coupling leads
-//! the tip that contact sees; on the way back the coupling's force or contact's own, passivity control, motors.
+//! The modelled device and its coupling to contact. Each tick the device moves and is measured, and the virtual
+//! coupling moves the tip that contact sees. The coupling's force, or the contact force, then goes through passivity
+//! control to the motors.
 
 use thiserror::Error;
 
@@ -8,29 +9,29 @@ use super::path::TipPath;
 use super::phantom::{DeviceError, Phantom, PhantomSettings};
 use crate::Vec3;
 
-/// What a scene says about its device.
+/// Device settings of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct CoupledSettings {
-    /// Device and hand.
+    /// Settings of device and hand.
     pub phantom: PhantomSettings,
-    /// The virtual coupling; without one, contact sees the measured tip, and the device contact's force.
+    /// The virtual coupling; without one, contact sees the measured tip, and the device renders the contact force.
     pub coupling: Option<CouplingSettings>,
     /// Whether commands go through passivity control.
     pub passivity_control: bool,
 }
 
-/// What there is to see of a device after a tick.
+/// Observable state of the device after a tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DeviceView {
-    /// Where its tip truly is, m, scene axes.
+    /// True tip position, m, scene axes.
     pub tip: Vec3,
     /// Energy delivered to the hand at the stylus since the start, J.
     pub energy_to_hand_j: f64,
-    /// Whether a limit of force or current has changed the command that it now has.
+    /// Whether a force or current limit changes the present command.
     pub is_saturated: bool,
-    /// Whether it is commanded more than it can sustain, on average.
+    /// Whether the mean commanded force is more than the device can sustain.
     pub overheats: bool,
-    /// Whether passivity control has changed the command that it now has.
+    /// Whether passivity control changes the present command.
     pub is_damped: bool,
 }
 
@@ -44,10 +45,10 @@ pub struct DeviceView {
 /// let still = TipPath::new(vec![Waypoint { time: 0.0, position: Vec3::zeros() }])?;
 /// let settings = CoupledSettings { passivity_control: true, ..CoupledSettings::default() };
 /// let mut device = CoupledPhantom::new(&settings, &still, 1e-3)?;
-/// assert!(device.start().norm() < 1e-4); // where the hand aims, to within the encoders' resolution
+/// assert!(device.start().norm() < 1e-4); // the hand's set-point, to within the encoders' resolution
 ///
 /// assert_eq!(device.command(&Vec3::z()), Vec3::z());
-/// // Until something has moved, a force costs nothing. One that pushes the hand away gives what was never taken in.
+/// // Without motion a force does no work. One that pushes the hand away delivers energy that was never taken in.
 /// let mut is_damped = false;
 /// for tick in 0..100 {
 ///     device.sense(f64::from(tick) * 1e-3, &Vec3::zeros())?;
@@ -55,7 +56,7 @@ pub struct DeviceView {
 ///     is_damped |= device.view().is_damped;
 /// }
 /// assert!(is_damped);
-/// assert_eq!(device.command(&Vec3::repeat(f64::NAN)), Vec3::zeros()); // nothing not finite goes out
+/// assert_eq!(device.command(&Vec3::repeat(f64::NAN)), Vec3::zeros()); // only finite forces are commanded
 /// device.release();
 /// assert!(!device.view().is_damped && !device.phantom().saturated());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -65,34 +66,34 @@ pub struct CoupledPhantom {
     phantom: Phantom,
     coupling: Option<VirtualCoupling>,
     passivity: Option<PassivityController>,
-    /// Where the tip was measured when the last command went out, m.
+    /// Measured tip position at the last command, m.
     answered: Vec3,
     is_damped: bool,
 }
 
 impl CoupledPhantom {
-    /// At rest where the hand's target is at 0 s. Ticks are h long, s.
+    /// Places the device at rest at the hand's target at 0 s. Ticks are `tick` seconds long.
     ///
     /// # Errors
-    /// If a setting is out of range, or the device cannot be there.
-    pub fn new(settings: &CoupledSettings, target: &TipPath, tick: f64) -> Result<Self, InstrumentError> {
-        let phantom = Phantom::new(settings.phantom, target, tick)?;
+    /// If a setting is out of range, or the device cannot reach that position.
+    pub fn new(settings: &CoupledSettings, target: &TipPath, tick_s: f64) -> Result<Self, InstrumentError> {
+        let phantom = Phantom::new(settings.phantom, target, tick_s)?;
         let tip = phantom.measured_tip();
-        let coupling = settings.coupling.map(|coupling| VirtualCoupling::new(coupling, tick, tip)).transpose()?;
+        let coupling = settings.coupling.map(|coupling| VirtualCoupling::new(coupling, tick_s, tip)).transpose()?;
         let passivity = settings.passivity_control.then(PassivityController::default);
         Ok(Self { phantom, coupling, passivity, answered: tip, is_damped: false })
     }
 
-    /// The tip that contact sees at t = 0, m: the measured one.
+    /// Returns the tip that contact sees at t = 0, m: the measured one.
     pub fn start(&self) -> Vec3 {
         self.answered
     }
 
-    /// A tick from a time on, s, under the last command; with a coupling, its tip moves under the contact force of the
-    /// last computed tick, N. Where contact is to look for the tip, m.
+    /// Advances the device by a tick from a time, s, under the last command. A coupling's tip moves under the contact
+    /// force of the last computed tick, N. Returns the tip that contact sees, m.
     ///
     /// # Errors
-    /// If the device comes to where it cannot be, or the coupling's tip runs away.
+    /// If the device leaves its workspace, or the coupling's tip diverges.
     pub fn sense(&mut self, start_time: f64, contact_force: &Vec3) -> Result<Vec3, DeviceError> {
         let measured = self.phantom.advance(start_time)?;
         let Some(coupling) = &mut self.coupling else { return Ok(measured) };
@@ -103,8 +104,9 @@ impl CoupledPhantom {
         Ok(tip)
     }
 
-    /// Answers a contact force, N: what is commanded, before the device's limits. A coupling answers with its own, and
-    /// passivity control with less, along the way since the command before. One beyond all numbers becomes none.
+    /// Turns a contact force, N, into a command before the device's limits. A coupling replaces the force by its own;
+    /// passivity control damps it along the displacement since the last command. A force that is not finite becomes
+    /// zero.
     pub fn command(&mut self, contact_force: &Vec3) -> Vec3 {
         let wanted = self.coupling.as_ref().map_or(*contact_force, VirtualCoupling::force);
         let measured = self.phantom.measured_tip();
@@ -116,7 +118,7 @@ impl CoupledPhantom {
         force
     }
 
-    /// Commands no force, past whatever lies between.
+    /// Commands zero force, bypassing the coupling and passivity control.
     pub fn release(&mut self) {
         let measured = self.phantom.measured_tip();
         let way = measured - std::mem::replace(&mut self.answered, measured);
@@ -134,7 +136,7 @@ impl CoupledPhantom {
         }
     }
 
-    /// What there is to see.
+    /// Returns the observable state.
     pub fn view(&self) -> DeviceView {
         DeviceView {
             tip: self.phantom.tip(),
@@ -145,19 +147,19 @@ impl CoupledPhantom {
         }
     }
 
-    /// The device itself.
+    /// Returns the device.
     pub fn phantom(&self) -> &Phantom {
         &self.phantom
     }
 }
 
-/// Why there is no such instrument.
+/// What is wrong with an instrument's settings.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum InstrumentError {
-    /// The device.
+    /// A device setting is not accepted.
     #[error(transparent)]
     Device(#[from] DeviceError),
-    /// The virtual coupling.
+    /// A setting of the virtual coupling is not accepted.
     #[error(transparent)]
     Coupling(#[from] CouplingError),
 }

@@ -1,5 +1,5 @@
-//! What may stand between contact and device, each by itself: smoothing of forces at hand-overs, a virtual coupling,
-//! and passivity control, in this order from contact to device.
+//! Optional stages between contact and device, in this order: smoothing of forces at hand-overs, a virtual coupling,
+//! and passivity control.
 
 use thiserror::Error;
 
@@ -11,26 +11,26 @@ pub enum CouplingError {
     /// A parameter is out of range.
     #[error("the virtual coupling's {name} = {value} must be {needs}")]
     Setting {
-        /// Which.
+        /// Name of the parameter.
         name: &'static str,
-        /// What it is.
+        /// The value given.
         value: f64,
-        /// What it has to be.
+        /// Accepted range.
         needs: &'static str,
     },
-    /// Its own step is unstable: h²k/m + 2hb/m has to be less than 4.
+    /// The coupling's own step is unstable: h²k/m + 2hb/m must be less than 4.
     #[error(
-        "the virtual coupling swings up by itself: its mass of {mass} kg has to be more than (h²k + 2hb)/4 = {least} kg"
+        "the virtual coupling alone is unstable: its mass of {mass} kg has to be more than (h²k + 2hb)/4 = {least} kg"
     )]
     TooLight {
-        /// What it is.
+        /// The mass given, kg.
         mass: f64,
-        /// What it has to exceed, kg.
+        /// The mass to exceed, kg.
         least: f64,
     },
 }
 
-/// A spring and damper between the measured tip and a simulated one that has a mass.
+/// Settings of a spring and damper between the measured tip and a simulated tip with a mass.
 ///
 /// ```
 /// use stickslip::device::coupling::{CouplingError, CouplingSettings};
@@ -46,29 +46,29 @@ pub enum CouplingError {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CouplingSettings {
-    /// k, N/m.
+    /// Stiffness k, N/m.
     pub stiffness: f64,
-    /// b, N·s/m.
+    /// Damping b, N·s/m.
     pub damping: f64,
-    /// m of the simulated tip, kg.
+    /// Mass m of the simulated tip, kg.
     pub mass: f64,
 }
 
 impl Default for CouplingSettings {
-    /// 500 N/m, 2 N·s/m, 50 g: about as stiff as a hand's grip, about as heavy as the device feels.
+    /// Returns 500 N/m, 2 N·s/m and 50 g: about the stiffness of a hand's grip and the apparent mass of the device.
     fn default() -> Self {
         Self { stiffness: 500.0, damping: 2.0, mass: 0.05 }
     }
 }
 
 impl CouplingSettings {
-    /// Whether they are in range, and stable in ticks of h, s.
+    /// Checks that the settings are in range, and stable in ticks of `tick` seconds.
     ///
     /// # Errors
-    /// With the first that is not.
-    pub fn check(&self, tick: f64) -> Result<(), CouplingError> {
+    /// If a setting is out of range, with the first one, or the coupling is unstable.
+    pub fn check(&self, tick_s: f64) -> Result<(), CouplingError> {
         let Self { stiffness, damping, mass } = *self;
-        for (name, value) in [("tick (s)", tick), ("stiffness (N/m)", stiffness), ("mass (kg)", mass)] {
+        for (name, value) in [("tick (s)", tick_s), ("stiffness (N/m)", stiffness), ("mass (kg)", mass)] {
             if !(value > 0.0 && value.is_finite()) {
                 return Err(CouplingError::Setting { name, value, needs: "positive and finite" });
             }
@@ -77,7 +77,7 @@ impl CouplingSettings {
             let needs = "finite and not negative";
             return Err(CouplingError::Setting { name: "damping (N·s/m)", value: damping, needs });
         }
-        let least = 0.25 * tick * (tick * stiffness + 2.0 * damping);
+        let least = 0.25 * tick_s * (tick_s * stiffness + 2.0 * damping);
         if !(mass > least) {
             return Err(CouplingError::TooLight { mass, least });
         }
@@ -85,8 +85,8 @@ impl CouplingSettings {
     }
 }
 
-/// J. E. Colgate, M. C. Stanley, J. M. Brown, *Issues in the haptic display of tool use*, IROS 1995, with a mass for
-/// the simulated tip, since contact answers a motion with a force.
+/// A virtual coupling after J. E. Colgate, M. C. Stanley, J. M. Brown, *Issues in the haptic display of tool use*,
+/// IROS 1995, with a mass for the simulated tip, since contact maps a motion to a force.
 ///
 /// ```
 /// use stickslip::{Vec3, device::coupling::{CouplingSettings, VirtualCoupling}};
@@ -96,14 +96,14 @@ impl CouplingSettings {
 /// // Contact pushes with 1 N while the hand keeps the device where it is, until nothing moves any more.
 /// let (hand, contact_n) = (Vec3::zeros(), Vec3::z());
 /// let tip = (0..2000).fold(hand, |_, _| coupling.advance(&hand, &contact_n));
-/// assert!((coupling.force() - contact_n).norm() < 1e-9); // the device gets what contact gives,
+/// assert!((coupling.force() - contact_n).norm() < 1e-9); // the device renders the contact force,
 /// assert!((tip.z - 1.0 / settings.stiffness).abs() < 1e-12); // and the spring is stretched by f/k
 /// # Ok::<(), stickslip::device::coupling::CouplingError>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct VirtualCoupling {
     settings: CouplingSettings,
-    tick: f64,
+    tick_s: f64,
     tip: Vec3,
     velocity: Vec3,
     measured: Vec3,
@@ -111,27 +111,27 @@ pub struct VirtualCoupling {
 }
 
 impl VirtualCoupling {
-    /// At rest at the measured tip, m, for ticks of h, s.
+    /// Places the simulated tip at rest at the measured tip, m, for ticks of `tick` seconds.
     ///
     /// # Errors
-    /// As [`CouplingSettings::check`].
-    pub fn new(settings: CouplingSettings, tick: f64, measured: Vec3) -> Result<Self, CouplingError> {
-        settings.check(tick)?;
+    /// If [`CouplingSettings::check`] fails.
+    pub fn new(settings: CouplingSettings, tick_s: f64, measured: Vec3) -> Result<Self, CouplingError> {
+        settings.check(tick_s)?;
         let zero = Vec3::zeros();
-        Ok(Self { settings, tick, tip: measured, velocity: zero, measured, measured_velocity: zero })
+        Ok(Self { settings, tick_s, tip: measured, velocity: zero, measured, measured_velocity: zero })
     }
 
-    /// A semi-implicit step of the simulated tip under the spring and the contact force of the last tick, N: where
-    /// contact is to look for it, m.
+    /// Advances the simulated tip by a semi-implicit step under the spring and the contact force of the last tick, N.
+    /// Returns the tip that contact sees, m.
     pub fn advance(&mut self, measured: &Vec3, contact_force: &Vec3) -> Vec3 {
-        self.measured_velocity = (measured - self.measured) / self.tick;
+        self.measured_velocity = (measured - self.measured) / self.tick_s;
         self.measured = *measured;
-        self.velocity += (contact_force - self.force()) * (self.tick / self.settings.mass);
-        self.tip += self.velocity * self.tick;
+        self.velocity += (contact_force - self.force()) * (self.tick_s / self.settings.mass);
+        self.tip += self.velocity * self.tick_s;
         self.tip
     }
 
-    /// The force on the device, −(k(q − x) + b(q̇ − ẋ)) with q measured and x simulated, N.
+    /// Returns the force on the device, −(k(q − x) + b(q̇ − ẋ)) with q measured and x simulated, N.
     pub fn force(&self) -> Vec3 {
         let CouplingSettings { stiffness, damping, .. } = self.settings;
         (self.tip - self.measured) * stiffness + (self.velocity - self.measured_velocity) * damping
@@ -139,10 +139,10 @@ impl VirtualCoupling {
 }
 
 /// Time-domain passivity control in impedance causality: B. Hannaford, J.-H. Ryu, *Time-domain passivity control of
-/// haptic interfaces*, IEEE Transactions on Robotics and Automation 18(1), 2002. A damper takes up what the simulation
-/// has given out beyond what it took in. A force is counted with the way over which the motors held it, not with the one
-/// that it answers: by that count a spring that answers at once never gives anything, and the energy that a stiff wall
-/// gives out between two ticks would not be seen.
+/// haptic interfaces*, IEEE Transactions on Robotics and Automation 18(1), 2002. A damper dissipates the energy that
+/// the simulation has given out beyond what it took in. Work is counted with the displacement over which the motors
+/// held a force, not with the one that caused the force: counted the other way, a spring that responds at once would
+/// never give out energy, and the energy that a stiff wall gives out between two ticks would be missed.
 ///
 /// ```
 /// use stickslip::{Vec3, device::coupling::PassivityController};
@@ -150,7 +150,7 @@ impl VirtualCoupling {
 /// let mut controller = PassivityController::default();
 /// let force = Vec3::z(); // N
 /// let applied = controller.command(&force, &Vec3::zeros());
-/// assert_eq!(applied, force); // nothing has been given yet
+/// assert_eq!(applied, force); // no energy has been given out yet
 /// controller.hold(applied);
 /// // The motors push the hand away by 1 mm: the simulation has given 1 mJ that it never took in.
 /// let way = Vec3::z() * 1e-3;
@@ -165,9 +165,10 @@ pub struct PassivityController {
 }
 
 impl PassivityController {
-    /// The force to command, N, where the measured tip has moved by Δq since the command before, m. The energy goes
-    /// up by −f·Δq with the force that was held meanwhile; while it is negative, f − αv is commanded, α = −E/(h|v|²),
-    /// v = Δq/h, which is f + EΔq/|Δq|² whatever h. A force that is not finite is left to what limits the device.
+    /// Returns the force to command, N, after the measured tip has moved by Δq since the last command, m. The energy
+    /// changes by −f·Δq with the force that was held meanwhile. While it is negative, f − αv is commanded, with α =
+    /// −E/(h|v|²) and v = Δq/h, which is f + EΔq/|Δq|² whatever h. A force that is not finite is left to the device's
+    /// limits.
     pub fn command(&mut self, force: &Vec3, displacement: &Vec3) -> Vec3 {
         self.energy -= self.held.dot(displacement);
         let square = displacement.norm_squared();
@@ -177,12 +178,12 @@ impl PassivityController {
         force + displacement * (self.energy / square)
     }
 
-    /// What the motors hold from here on, N: the command as the device's limits let it through.
+    /// Sets the force that the motors hold from here on, N: the command after the device's limits.
     pub fn hold(&mut self, applied: Vec3) {
         self.held = applied;
     }
 
-    /// E_o: energy that the simulation has taken in and not given back, J.
+    /// Returns E_o, the energy that the simulation has taken in and not given back, J.
     pub fn energy_j(&self) -> f64 {
         self.energy
     }
@@ -196,29 +197,29 @@ impl PassivityController {
 /// let mut smoothing = HandOverSmoothing::new(3);
 /// let mut command = |force_n: f64, is_first| smoothing.command(&(Vec3::z() * force_n), is_first).z;
 /// assert_eq!(command(1.0, false), 1.0);
-/// // A new model says 0 N: a jump of 1 N is felt as four of 0.25 N.
+/// // A new model returns 0 N: the jump of 1 N is rendered as four of 0.25 N.
 /// assert_eq!([command(0.0, true), command(0.0, false), command(0.0, false)], [0.75, 0.5, 0.25]);
 /// assert_eq!(command(0.0, false), 0.0);
 /// ```
 #[derive(Debug, Clone)]
 pub struct HandOverSmoothing {
     ticks: u32,
-    /// Of the fade, still to come.
+    /// Ticks of the fade still to come.
     left: u32,
-    /// Force before less force after the hand-over, N.
+    /// Force before the hand-over minus force after it, N.
     difference: Vec3,
     last: Vec3,
 }
 
 impl HandOverSmoothing {
-    /// Over so many ticks; 0 leaves forces as they are.
+    /// Creates a smoothing over a number of ticks; 0 leaves forces unchanged.
     pub fn new(ticks: u32) -> Self {
         Self { ticks, left: 0, difference: Vec3::zeros(), last: Vec3::zeros() }
     }
 
-    /// The force to command in the place of one, N, that is the first of a new model or not. In tick j = 0 … n − 1 from
-    /// there it is f + (f_before − f_first)(1 − (j + 1)/(n + 1)), f_before as commanded, so that a hand-over during a
-    /// fade starts from what is felt.
+    /// Returns the force to command for a force f, N, which may be the first of a new model. In tick j = 0 … n − 1 from
+    /// there it is f + (f_before − f_first)(1 − (j + 1)/(n + 1)), with f_before as commanded, so that a hand-over
+    /// during a fade starts from the rendered force.
     pub fn command(&mut self, force: &Vec3, is_first_of_model: bool) -> Vec3 {
         if is_first_of_model {
             self.left = self.ticks;

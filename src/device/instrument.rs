@@ -1,4 +1,4 @@
-//! Instruments: what holds the tip, from a path to a device of one's own.
+//! Instruments: a tip on a path, the modelled device, or a custom one.
 
 use std::fmt;
 
@@ -10,19 +10,19 @@ use super::path::TipPath;
 use super::phantom::DeviceError;
 use crate::Vec3;
 
-/// What kind of instrument a scene has.
+/// The kind of a scene's instrument.
 #[derive(Debug, Clone, PartialEq)]
 pub enum InstrumentKind {
-    /// Its path is the tip's.
+    /// The tip follows the scene's path.
     Path,
-    /// Its path is what the hand that holds a modelled device aims at.
+    /// A hand that holds a modelled device has the scene's path as set-point.
     Phantom(Box<CoupledSettings>),
 }
 
-/// The door for an instrument of one's own: where the tip goes under the force that is commanded.
+/// Interface of a custom instrument: moves the tip under the commanded force.
 ///
 /// Contract: it is clonable and `Send`, since runs are copied and moved between threads; `sense` and `command` allocate
-/// nothing, lock nothing and do no I/O; the same calls give the same tips to the bit. A tip that is not finite ends the
+/// nothing, lock nothing and do no I/O; equal calls return equal tips to the bit. A tip that is not finite ends the
 /// run with a fault; a commanded force that is not finite is commanded as zero.
 ///
 /// ```
@@ -63,37 +63,37 @@ pub enum InstrumentKind {
 /// # Ok::<(), stickslip::RunError>(())
 /// ```
 pub trait Instrument: DynClone + fmt::Debug + Send {
-    /// Where contact sees the tip at t = 0, m.
+    /// Returns the tip that contact sees at t = 0, m.
     fn start(&self) -> Vec3;
 
-    /// Moves on over a tick, from one time to another, s, under the force commanded last. `contact_force` is that of the
-    /// last computed tick, N. Returns where contact sees the tip at the end, m.
+    /// Moves the instrument from one time to another, s, under the force commanded last. `contact_force` is that of the
+    /// last computed tick, N. Returns the tip that contact sees at the end, m.
     ///
     /// # Errors
-    /// With a fault, which ends the run.
+    /// If the instrument fails; the fault ends the run.
     fn sense(&mut self, begin_s: f64, end_s: f64, contact_force: &Vec3) -> Result<Vec3, InstrumentFault>;
 
-    /// Takes the force of a contact, N. Returns the force that is commanded, before device limits.
+    /// Takes the contact force, N. Returns the commanded force before device limits, N.
     fn command(&mut self, contact_force: &Vec3) -> Vec3;
 
-    /// Commands no force, after a missed deadline or a fault.
+    /// Commands zero force, after a missed deadline or a fault.
     fn release(&mut self);
 }
 
 dyn_clone::clone_trait_object!(Instrument);
 
-/// Why an instrument of one's own cannot go on.
+/// The failure of a custom instrument.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("the instrument failed: {0}")]
 pub struct InstrumentFault(pub &'static str);
 
-/// Why there is no tip at the end of a tick.
+/// A reason why there is no tip at the end of a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum SenseError {
     /// The modelled device left the range in which it can be simulated.
     #[error(transparent)]
     Device(#[from] DeviceError),
-    /// An instrument of one's own failed.
+    /// A custom instrument failed.
     #[error(transparent)]
     Own(#[from] InstrumentFault),
 }
@@ -113,7 +113,7 @@ pub enum SenseError {
 /// assert_eq!(instrument.start(), Vec3::zeros());
 /// let force = Vec3::z();
 /// assert_eq!(instrument.command(&force), force);
-/// // A path is followed whatever the force. A device in a hand would be pushed back.
+/// // A path is followed whatever the force; a device in a hand would be pushed back.
 /// assert_eq!(instrument.sense(0.499, 0.5, &force)?, Vec3::x() * 0.005);
 /// instrument.release();
 /// assert!(instrument.device().is_none());
@@ -125,15 +125,15 @@ pub enum InstrumentInUse {
     Path(TipPath),
     /// The modelled device in a hand.
     Phantom(Box<CoupledPhantom>),
-    /// An instrument of one's own.
+    /// A custom instrument.
     Own(Box<dyn Instrument>),
 }
 
 impl InstrumentInUse {
-    /// The instrument of a scene, for ticks of `tick_s` seconds.
+    /// Builds the instrument of a scene, for ticks of `tick_s` seconds.
     ///
     /// # Errors
-    /// If a device cannot be where the tip starts, or its settings are impossible.
+    /// If a device cannot reach the start of the tip, or its settings are not accepted.
     pub fn new(kind: &InstrumentKind, path: &TipPath, tick_s: f64) -> Result<Self, InstrumentError> {
         Ok(match kind {
             InstrumentKind::Path => Self::Path(path.clone()),
@@ -141,7 +141,7 @@ impl InstrumentInUse {
         })
     }
 
-    /// Where contact sees the tip at t = 0, m.
+    /// Returns the tip that contact sees at t = 0, m.
     pub fn start(&self) -> Vec3 {
         match self {
             Self::Path(path) => path.at(0.0),
@@ -150,10 +150,10 @@ impl InstrumentInUse {
         }
     }
 
-    /// As [`Instrument::sense`]. A tip that is not finite is a fault.
+    /// Moves the instrument over a tick, as [`Instrument::sense`] does. A tip that is not finite is a fault.
     ///
     /// # Errors
-    /// If the instrument cannot go on.
+    /// If the instrument fails.
     pub fn sense(&mut self, begin_s: f64, end_s: f64, contact_force: &Vec3) -> Result<Vec3, SenseError> {
         match self {
             Self::Path(path) => Ok(path.at(end_s)),
@@ -165,7 +165,7 @@ impl InstrumentInUse {
         }
     }
 
-    /// As [`Instrument::command`]. A force that is not finite is commanded as zero.
+    /// Takes the contact force, as [`Instrument::command`] does. A force that is not finite is commanded as zero.
     pub fn command(&mut self, contact_force: &Vec3) -> Vec3 {
         match self {
             Self::Path(_) => *contact_force,
@@ -182,7 +182,7 @@ impl InstrumentInUse {
         }
     }
 
-    /// Commands no force.
+    /// Commands zero force.
     pub fn release(&mut self) {
         match self {
             Self::Path(_) => {}
@@ -191,7 +191,7 @@ impl InstrumentInUse {
         }
     }
 
-    /// The modelled device, if it is one.
+    /// Returns the modelled device, if the instrument is one.
     pub fn device(&self) -> Option<&CoupledPhantom> {
         match self {
             Self::Path(_) | Self::Own(_) => None,

@@ -1,4 +1,4 @@
-//! The instrument in the user's hand, from the path it follows to the modelled PHANTOM 1.5. It knows only vectors.
+//! Instruments in the user's hand, from a tip on a path to the modelled PHANTOM 1.5. This module deals in vectors only.
 
 pub mod coupled;
 pub mod coupling;

@@ -1,25 +1,27 @@
-//! The path of a tip or of the hand that leads it: waypoints, or a recording.
+//! The path of a tip, or of the hand that leads it: waypoints or a recording.
 
+#[cfg(feature = "files")]
 use std::fs::File;
 use std::io;
 use std::path::{Path as FilePath, PathBuf};
 
+#[cfg(feature = "files")]
 use serde::Deserialize;
 use thiserror::Error;
 
 use crate::Vec3;
 
-/// A tip position at a time.
+/// A waypoint: a tip position at a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Waypoint {
-    /// s.
+    /// Time, s.
     pub time: f64,
-    /// m.
+    /// Position, m.
     pub position: Vec3,
 }
 
-/// A tip that follows waypoints, linearly between them and at rest before and after, whatever the
-/// force. Times ascend; there is at least one.
+/// A path through waypoints, linear between them and at rest before and after, whatever the force. Times ascend; there
+/// is at least one waypoint.
 ///
 /// ```
 /// use stickslip::{Vec3, device::path::{PathError, TipPath, Waypoint}};
@@ -40,52 +42,58 @@ pub struct TipPath {
     waypoints: Vec<Waypoint>,
 }
 
-/// What is wrong with waypoints.
+/// What is wrong with a path.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum PathError {
-    /// There is none.
+    /// There is no waypoint.
     #[error("there is no waypoint")]
     Empty,
-    /// A number, or the way to it from the waypoint before, is NaN or infinite.
+    /// A waypoint, or its displacement from the one before, is NaN or infinite.
     #[error("waypoint {index} is not finite")]
     NotFinite {
-        /// Counted from 0.
+        /// Index of the waypoint, from 0.
         index: usize,
     },
     /// A waypoint is not later than the one before.
     #[error("waypoint {index} at {time} s is not later than the one before it, at {before} s")]
     NotAscending {
-        /// Counted from 0.
+        /// Index of the waypoint, from 0.
         index: usize,
-        /// Its time, s.
+        /// Time of the waypoint, s.
         time: f64,
-        /// The time before, s.
+        /// Time of the waypoint before, s.
         before: f64,
     },
     /// The recording cannot be opened.
     #[error("cannot read {path}: {error}")]
     Unreadable {
-        /// Where it was looked for.
+        /// Path of the recording.
         path: PathBuf,
-        /// Why.
+        /// Error of the operating system.
         error: io::Error,
     },
-    /// The recording is not as it should be.
+    /// The recording is not CSV of four numbers a line; the parser's message.
+    #[cfg(feature = "files")]
     #[error("{0}")]
     Csv(#[from] csv::Error),
-    /// The recording's columns are others.
+    /// The library was built without the feature that reads recordings.
+    #[cfg(not(feature = "files"))]
+    #[error("cannot read {0}: this build reads no recordings (feature `files`)")]
+    NoFiles(PathBuf),
+    /// The recording has other columns than `t,x,y,z`.
     #[error("its header is `{found}`, not `t,x,y,z`")]
     Header {
-        /// The first line.
+        /// First line of the file.
         found: String,
     },
 }
 
 impl TipPath {
-    /// Takes waypoints in ascending order.
+    /// Builds a path from waypoints in ascending order.
     ///
     /// # Errors
-    /// If there is none, one is not finite, or they do not ascend.
+    /// If there is no waypoint, one is not finite, or their times do not ascend.
     pub fn new(waypoints: Vec<Waypoint>) -> Result<Self, PathError> {
         if waypoints.is_empty() {
             return Err(PathError::Empty);
@@ -97,7 +105,7 @@ impl TipPath {
         }
         for (index, pair) in waypoints.windows(2).enumerate() {
             let index = index + 1;
-            // Far apart, finite numbers have a difference that is not.
+            // Finite numbers that are far apart may have an infinite difference.
             if !((pair[1].position - pair[0].position).norm() / (pair[1].time - pair[0].time)).is_finite()
                 && pair[1].time > pair[0].time
             {
@@ -113,8 +121,8 @@ impl TipPath {
     /// Reads a recording: CSV with the header `t,x,y,z`, in s and m.
     ///
     /// # Errors
-    /// If the file cannot be read, has other columns or anything but numbers, or its times do not
-    /// ascend; with the line.
+    /// If the file cannot be read, has other columns or anything but numbers, or its times do not ascend; the error
+    /// names the line.
     ///
     /// ```
     /// use stickslip::device::path::TipPath;
@@ -128,6 +136,7 @@ impl TipPath {
     /// assert_eq!(error.to_string(), "its header is `time,z`, not `t,x,y,z`");
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
+    #[cfg(feature = "files")]
     pub fn from_csv(path: &FilePath) -> Result<Self, PathError> {
         #[derive(Deserialize)]
         struct Row {
@@ -148,12 +157,21 @@ impl TipPath {
         Self::new(waypoints?)
     }
 
-    /// Time of the last waypoint, s.
+    /// Refuses a recording, which a build without the feature `files` cannot read.
+    ///
+    /// # Errors
+    /// Always.
+    #[cfg(not(feature = "files"))]
+    pub fn from_csv(path: &FilePath) -> Result<Self, PathError> {
+        Err(PathError::NoFiles(path.to_owned()))
+    }
+
+    /// Returns the time of the last waypoint, s.
     pub fn end(&self) -> f64 {
         self.waypoints.last().map_or(0.0, |last| last.time)
     }
 
-    /// The tip at a time, s.
+    /// Returns the tip position at a time, s.
     pub fn at(&self, time: f64) -> Vec3 {
         match self.around(time) {
             (Some(before), Some(after)) => {
@@ -166,7 +184,7 @@ impl TipPath {
         }
     }
 
-    /// Its velocity, m/s; at a waypoint, the one after it.
+    /// Returns the velocity at a time, m/s; at a waypoint, that of the segment after it.
     pub fn velocity_at(&self, time: f64) -> Vec3 {
         match self.around(time) {
             (Some(before), Some(after)) => (after.position - before.position) / (after.time - before.time),
@@ -174,20 +192,20 @@ impl TipPath {
         }
     }
 
-    /// The last waypoint not after a time, and the first after it.
+    /// Returns the last waypoint not after a time, and the first after it.
     fn around(&self, time: f64) -> (Option<&Waypoint>, Option<&Waypoint>) {
         let after = self.waypoints.partition_point(|waypoint| waypoint.time <= time);
         (after.checked_sub(1).map(|i| &self.waypoints[i]), self.waypoints.get(after))
     }
 
-    /// The same path elsewhere, and so many times slower.
+    /// Maps the positions of the path, and slows it down by a factor.
     pub fn transformed(&self, slower: f64, to: impl Fn(Vec3) -> Vec3) -> Self {
         let waypoints = self.waypoints.iter();
         let waypoint = |w: &Waypoint| Waypoint { time: w.time * slower, position: to(w.position) };
         Self { waypoints: waypoints.map(waypoint).collect() }
     }
 
-    /// The fastest the tip moves, m/s.
+    /// Returns the largest speed of the tip, m/s.
     pub fn top_speed(&self) -> f64 {
         self.waypoints
             .windows(2)

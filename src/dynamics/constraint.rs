@@ -1,10 +1,10 @@
-//! What a caller may impose on the network while it is integrated.
+//! Constraints on the network during integration.
 
 use crate::Vec3;
 use crate::model::state::State;
 use crate::surface::support::Support;
 
-/// Something imposed on the network while it is integrated.
+/// A constraint imposed on the network during integration.
 ///
 /// ```
 /// use stickslip::{dynamics::constraint::Constraint, dynamics::integrators::{GlobalIntegrator, Stepper}};
@@ -36,24 +36,24 @@ use crate::surface::support::Support;
 ///     let led = Led { since: f64::from(step) * h, h };
 ///     stepper.step(GlobalIntegrator::Rk4, &network, &mut state, h, &led);
 /// }
-/// assert!((state.x[1].x - 6.0).abs() < 1e-12); // where the hand is,
+/// assert!((state.x[1].x - 6.0).abs() < 1e-12); // at the hand,
 /// assert!((state.x[2].x - 7.0).abs() < 1e-3 && (state.v[2].x - 1.0).abs() < 1e-3); // and the other node follows
 /// ```
 pub trait Constraint {
-    /// The nodes that it acts on at this fraction of the step. It looks at no others.
+    /// Returns the nodes that the constraint acts on at this fraction of the step.
     fn nodes(&self, ahead: f64) -> &[u32];
-    /// Makes accelerations respect it.
+    /// Makes accelerations satisfy the constraint.
     fn accelerations(&self, a: &mut [Vec3]);
-    /// Makes a state respect it, at a fraction `ahead` of the step that is being done: 0 as the step
-    /// begins, 1 as it ends.
+    /// Makes a state satisfy the constraint, at a fraction `ahead` of the current step: 0 as the step begins, 1 as it
+    /// ends.
     fn state(&self, ahead: f64, state: &mut State);
-    /// Whether it does with each node what it does, whatever the others do. Two threads share a network under such
-    /// constraints only: each sees the nodes of its own half.
+    /// Returns whether the constraint acts on each node independently of the others. Two threads share a network under
+    /// such constraints only: each sees the nodes of its own half.
     fn acts_node_by_node(&self) -> bool {
         false
     }
-    /// The contact point that [`accelerations`](Self::accelerations) holds by its P; without one,
-    /// [`state`](Self::state) puts its nodes where it wants them.
+    /// Returns the contact point that [`accelerations`](Self::accelerations) holds by its P. Without one,
+    /// [`state`](Self::state) prescribes the nodes.
     fn held(&self) -> Option<&Support> {
         None
     }
@@ -77,7 +77,7 @@ impl<C: Constraint> Constraint for &C {
     }
 }
 
-/// The free network.
+/// The absence of constraints.
 #[derive(Debug, Clone, Copy)]
 pub struct Unconstrained;
 
@@ -92,24 +92,24 @@ impl Constraint for Unconstrained {
     fn state(&self, _: f64, _: &mut State) {}
 }
 
-/// Equal steps, one after the other.
+/// A number of equal steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Steps {
-    /// h, s.
+    /// Length h of a step, s.
     pub length: f64,
-    /// How many.
+    /// Number of steps.
     pub count: u32,
-    /// Who does them.
+    /// Number of threads that share the steps.
     pub threads: Threads,
 }
 
-/// Threads that share a network. They change no bit of a result.
+/// The number of threads that share a network. It changes no bit of a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Threads {
-    /// The one that calls.
+    /// The calling thread alone.
     One,
-    /// That and another. Only semi-implicit Euler of a network that has
-    /// [`halves`](crate::model::springs::Springs::halves), under constraints that
-    /// [act node by node](Constraint::acts_node_by_node): else one.
+    /// The calling thread and a second one. This takes semi-implicit Euler, a network that has
+    /// [`halves`](crate::model::springs::Springs::halves), and constraints that
+    /// [act node by node](Constraint::acts_node_by_node); otherwise one thread does the steps.
     Two,
 }

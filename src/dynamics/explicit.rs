@@ -1,9 +1,9 @@
 //! Semi-implicit Euler (11) over columns, by one thread or by two that share the network's halves.
 //!
-//! Both ways do the same operations in the same order for every node: springs of its half, then springs of the seam. Of
-//! two threads each moves the nodes of its half. What the seam's springs need of the other half goes across as a message
-//! once a step, while each sweeps its own springs; both then compute the forces in the seam, rather than wait for
-//! each other a second time.
+//! Both ways do the same operations in the same order for every node: springs of its half, then springs of the seam.
+//! Each of two threads moves the nodes of its half. The positions and velocities that the seam's springs need from the
+//! other half are sent as one message a step, while each thread sweeps its own springs. Both threads then compute the
+//! forces in the seam, rather than wait for each other a second time.
 
 use std::ops::Range;
 use std::sync::Mutex;
@@ -19,11 +19,11 @@ use crate::model::network::Network;
 use crate::model::springs::{Halves, Part};
 use crate::model::state::State;
 
-/// What one thread needs for its nodes.
+/// Scratch of one thread for its nodes.
 #[derive(Debug, Clone)]
 pub(super) struct Worker {
     columns: Columns,
-    /// As constraints want nodes; only those that they act on are set.
+    /// State passed to constraints; only the nodes that they act on are set.
     imposed: State,
     accelerations: Vec<Vec3>,
 }
@@ -38,7 +38,7 @@ impl Worker {
         }
     }
 
-    /// All steps, by this thread alone.
+    /// Does all steps by this thread alone.
     pub fn run<C: Constraint>(
         &mut self,
         network: &Network,
@@ -59,10 +59,10 @@ impl Worker {
         self.columns.store(all, state);
     }
 
-    /// All steps for one half, while another thread does those of the other.
+    /// Does all steps for one half, while another thread does those of the other.
     fn run_half<C: Constraint>(&mut self, network: &Network, half: &Half, steps: Steps, constraint: impl Fn(u32) -> C) {
         let arch = Arch::new();
-        // Whichever thread ends early, by a panic, lets the other go.
+        // A thread that ends early, by a panic, releases the other.
         let _hang_up = HangUp(half.to);
         for step in 0..steps.count {
             let constraint = constraint(step);
@@ -77,11 +77,11 @@ impl Worker {
         self.columns.clear_forces(half.foreign.clone());
     }
 
-    /// From the springs' forces to the end of the step, for some nodes.
+    /// Completes a step for some nodes, from the springs' forces on.
     fn finish(&mut self, network: &Network, h: f64, nodes: Range<usize>, constraint: &impl Constraint) {
         let arch = Arch::new();
         self.columns.accelerate(arch, network, nodes.clone());
-        // What another thread moves has no acceleration here, and must not be left one.
+        // Nodes that another thread moves have no acceleration here; old values must not remain.
         let constrained =
             || constraint.nodes(0.0).iter().map(|&node| node as usize).filter(|node| nodes.contains(node));
         constrained().for_each(|node| self.accelerations[node] = self.columns.force(node));
@@ -92,7 +92,7 @@ impl Worker {
         self.columns.snap_to_rest(arch, nodes);
     }
 
-    /// Lets a constraint have its nodes at a fraction of the step.
+    /// Applies a constraint at a fraction of the step.
     fn impose(&mut self, ahead: f64, constraint: &impl Constraint) {
         let nodes = constraint.nodes(ahead);
         for &node in nodes {
@@ -107,7 +107,7 @@ impl Worker {
     }
 }
 
-/// All steps by two threads; `false` and nothing done if the system does not give a second one.
+/// Does all steps by two threads; returns `false` and does nothing if the system grants no second thread.
 pub(super) fn run_by_two<C: Constraint>(
     workers: [&mut Worker; 2],
     network: &Network,
@@ -141,29 +141,29 @@ pub(super) fn run_by_two<C: Constraint>(
     both
 }
 
-/// What one of two threads does.
+/// The part of one of two threads.
 struct Half<'a> {
     part: Part,
-    /// The nodes that it moves.
+    /// Nodes that the thread moves.
     own: Range<usize>,
-    /// Those of them that the seam's springs end on, and those of the other half.
+    /// Own nodes on which the seam's springs end (`seen`), and such nodes of the other half (`foreign`).
     seen: Range<usize>,
     foreign: Range<usize>,
     to: &'a Channel,
     from: &'a Channel,
 }
 
-/// Messages one way, one per step, of positions and velocities of some nodes.
+/// A one-way channel for positions and velocities of some nodes, with one message per step.
 #[derive(Default)]
 struct Channel {
-    /// Messages so far.
+    /// Number of messages sent so far.
     sent: AtomicU64,
-    /// The last two, in turns. A thread sends its next message only after the other one's last has arrived, which the
-    /// other sent after it had read the last but one: nobody waits for a lock.
+    /// The last two messages, in turns. A thread sends its next message only after the other one's last has arrived,
+    /// which the other sent after it had read the last but one: no thread waits for a lock.
     messages: [Mutex<Vec<f64>>; 2],
 }
 
-/// Looks at a counter that often before the processor is offered to other threads.
+/// Number of looks at a counter before the processor is yielded to other threads.
 const SPINS: u32 = 500;
 
 impl Channel {
@@ -205,7 +205,7 @@ mod tests {
     use crate::model::mesh::{Block, Stencil};
     use crate::model::springs::Spring;
 
-    /// Without it, one thread would do what two are asked for, and nothing would show but the time.
+    /// Checks that a second thread is really used: otherwise only the computing time would show it.
     #[test]
     fn two_threads_are_had() {
         let mesh = Block { nodes: [11, 10, 9], spacing: 0.0125, stencil: Stencil::Full }.mesh();

@@ -12,23 +12,23 @@ use crate::model::springs::TangentKind;
 use crate::model::state::{ExternalForce, State};
 use crate::{Mat3, Vec3};
 
-/// Iterations end when the last change of velocities is below this share of the largest speed: Newton's method squares
-/// it, so that what is left is round-off.
+/// Convergence limit: the last change of velocities as a share of the largest speed. Newton's method squares it, so
+/// that the remaining error is round-off.
 const CONVERGED: f64 = 1e-10;
-/// Below this share of the largest coordinate, a change of position over the step is round-off of the forces.
+/// Share of the largest coordinate below which a change of position over the step is round-off of the forces.
 const ROUND_OFF: f64 = 1e-14;
-/// Far more than a step needs that has a solution nearby.
+/// Iteration cap, far above the need of a step that has a solution nearby.
 const ITERATIONS: u32 = 60;
-/// A change is halved until the residual falls, at most so often.
+/// Largest number of halvings of a change until the residual falls.
 const HALVINGS: u32 = 10;
-/// The number of a node that is not solved for.
+/// Marks a node that is not solved for.
 const GIVEN: usize = usize::MAX;
 
 /// A step that was not solved.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
-#[error("implicit Euler of the network found no solution: velocities still change by {change:e} m/s")]
+#[error("implicit Euler of the network did not converge: velocities still change by {change:e} m/s")]
 pub struct NotSolved {
-    /// The last change, m/s; NaN where the matrix is singular.
+    /// Last change of velocity, m/s; NaN where the matrix is singular.
     pub change: f64,
 }
 
@@ -53,18 +53,18 @@ pub struct NotSolved {
 /// ```
 #[derive(Debug, Clone, Default)]
 pub struct Newton {
-    /// Number of each node among those that are solved for, or [`GIVEN`].
+    /// Index of each node among the unknowns, or [`GIVEN`].
     number: Vec<usize>,
-    /// Order of elimination for these numbers.
+    /// Elimination order of these unknowns.
     symbolic: Option<SymbolicLu<usize>>,
     f: Vec<Vec3>,
     start: State,
-    /// M(v − v₋) − hf, and then the change of v.
+    /// The residual M(v − v₋) − hf, then the change of v.
     change: Vec<Vec3>,
 }
 
 impl Newton {
-    /// One step of length h; returns how often it evaluated the network's forces.
+    /// Does one step of length h. Returns the number of evaluations of the network's forces.
     ///
     /// # Errors
     /// If the iterations do not converge.
@@ -137,7 +137,8 @@ impl Newton {
         self.number.iter().copied().enumerate().filter(|&(_, number)| number != GIVEN)
     }
 
-    /// x = x₋ + hv and M(v − v₋) − hf there; returns the norm of what of M⁻¹ of that the constraint lets act, m/s.
+    /// Sets x = x₋ + hv and the residual M(v − v₋) − hf there. Returns the norm of the part of M⁻¹ times the residual
+    /// that the constraint admits, m/s.
     fn residual(&mut self, network: &Network, state: &mut State, h: f64, constraint: &impl Constraint) -> f64 {
         for (x, ((start, v), number)) in state.x.iter_mut().zip(self.start.x.iter().zip(&state.v).zip(&self.number)) {
             if *number != GIVEN {
@@ -155,7 +156,7 @@ impl Newton {
         free.iter().map(Vec3::norm_squared).sum::<f64>().sqrt()
     }
 
-    /// From the residual to the change of v; returns its largest component, or nothing if A is singular.
+    /// Solves for the change of v from the residual. Returns its largest component, or `None` if A is singular.
     ///
     /// Under P = I − gW/s the change obeys Wδ = 0 and Aδ = −ρ + Mgν: both parts are solved for, then ν.
     fn solve(&mut self, network: &Network, state: &State, h: f64, constraint: &impl Constraint) -> Option<f64> {

@@ -1,4 +1,4 @@
-//! Steps of the whole network under a constraint that the caller imposes.
+//! Time steps of the whole network under a constraint of the caller.
 
 use super::constraint::{Constraint, Steps, Threads};
 use super::explicit::{Worker, run_by_two};
@@ -8,13 +8,13 @@ use crate::model::network::Network;
 use crate::model::state::{State, snap_to_rest};
 use crate::word::words;
 
-/// How the full model is integrated between boundaries.
+/// Integrators of the full network between boundaries.
 ///
 /// ```
 /// use stickslip::{dynamics::constraint::Unconstrained, dynamics::integrators::{GlobalIntegrator, Stepper}};
 /// use stickslip::{Vec3, model::network::Network, model::springs::Spring};
 ///
-/// // ω = 1 rad/s, amplitude 1: E = ½. How much of it is left after 100 steps of 0.1 s?
+/// // ω = 1 rad/s, amplitude 1: E = ½. Which share of it is left after 100 steps of 0.1 s?
 /// let spring = Spring { nodes: [0, 1], stiffness: 1.0, damping: 0.0, rest_length: 2.0 };
 /// let rest = vec![Vec3::zeros(), Vec3::x() * 2.0];
 /// let network = Network::from_parts(rest, vec![1.0; 2], vec![true, false], &[spring], vec![]);
@@ -27,7 +27,7 @@ use crate::word::words;
 ///     (energy / 0.5, stepper.evaluations())
 /// };
 /// assert!((left(GlobalIntegrator::ImplicitEuler).0 * 1.01_f64.powi(100) - 1.0).abs() < 1e-6); // (1 + h²)⁻ⁿ
-/// assert!((left(GlobalIntegrator::SemiImplicitEuler).0 - 1.0).abs() < 0.1); // swings about it, for ever
+/// assert!((left(GlobalIntegrator::SemiImplicitEuler).0 - 1.0).abs() < 0.1); // oscillates about it without decay
 /// let (rk4, evaluations) = left(GlobalIntegrator::Rk4);
 /// assert!((rk4 - 1.0).abs() < 1e-4 && evaluations == 400);
 /// ```
@@ -44,7 +44,7 @@ pub enum GlobalIntegrator {
 
 words!(GlobalIntegrator { SemiImplicitEuler = "semi-implicit-euler", ImplicitEuler = "implicit-euler", Rk4 = "rk4" });
 
-/// Integrates one network; holds the arrays that stages need.
+/// Integrator of one network, with the scratch of its stages.
 ///
 /// ```
 /// use stickslip::{dynamics::constraint::Unconstrained, dynamics::integrators::{GlobalIntegrator, Stepper}};
@@ -64,18 +64,18 @@ words!(GlobalIntegrator { SemiImplicitEuler = "semi-implicit-euler", ImplicitEul
 #[derive(Debug, Clone)]
 pub struct Stepper {
     worker: Worker,
-    /// The second thread's, from the first time that there is one.
+    /// Scratch of the second thread, once there is one.
     second: Option<Box<Worker>>,
     rk4: Rk4,
-    /// Evaluations of the network's forces so far.
+    /// Number of evaluations of the network's forces so far.
     evaluations: u64,
     newton: Newton,
-    /// The first step that was not solved. No step is done after it.
+    /// First step that was not solved. No step is done after it.
     failure: Option<NotSolved>,
 }
 
 impl Stepper {
-    /// For networks of this size.
+    /// Creates an integrator for networks of this size.
     pub fn new(network: &Network) -> Self {
         Self {
             worker: Worker::new(network),
@@ -87,17 +87,17 @@ impl Stepper {
         }
     }
 
-    /// How often it evaluated a network's forces.
+    /// Returns the number of evaluations of a network's forces so far.
     pub fn evaluations(&self) -> u64 {
         self.evaluations
     }
 
-    /// Why an implicit step was not done, if one was not.
+    /// Returns the implicit step that could not be solved, if there is one.
     pub fn failure(&self) -> Option<NotSolved> {
         self.failure
     }
 
-    /// One step of length h. Fixed nodes do not move.
+    /// Does one step of length h. Fixed nodes do not move.
     pub fn step(
         &mut self,
         integrator: GlobalIntegrator,
@@ -121,7 +121,7 @@ impl Stepper {
         snap_to_rest(&mut state.v);
     }
 
-    /// Steps under a constraint of each; the same to the last bit as one by one, and quicker.
+    /// Does steps under a constraint for each; equal to single steps to the last bit, and faster.
     pub fn steps<C: Constraint>(
         &mut self,
         integrator: GlobalIntegrator,
@@ -142,7 +142,7 @@ impl Stepper {
         }
     }
 
-    /// Forces at the start, then positions by the new velocities.
+    /// Evaluates forces at the start, then moves positions by the new velocities.
     fn semi_implicit_euler<C: Constraint>(
         &mut self,
         network: &Network,

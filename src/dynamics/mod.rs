@@ -1,4 +1,4 @@
-//! Time: integrators of the full model, equilibrium, and stability limits of explicit steps.
+//! Time integration of the full network, its static equilibrium, and stability limits of explicit steps.
 
 pub mod constraint;
 mod explicit;

@@ -14,9 +14,9 @@ pub(super) struct Rk4 {
 }
 
 impl Rk4 {
-    /// One step of `h` seconds. Returns the number of force evaluations.
+    /// Does one step of `h` seconds. Returns the number of force evaluations.
     pub(super) fn step(&mut self, network: &Network, state: &mut State, h: f64, constraint: &impl Constraint) -> u64 {
-        // (how far the stage looks ahead, its weight)
+        // (fraction of the step at the stage, weight of the stage)
         const STAGES: [(f64, f64); 4] = [(0.0, 1.0 / 6.0), (0.5, 1.0 / 3.0), (0.5, 1.0 / 3.0), (1.0, 1.0 / 6.0)];
         constraint.state(0.0, state);
         self.sum.clone_from(state);
@@ -45,7 +45,7 @@ impl Rk4 {
     }
 }
 
-/// a = M⁻¹f.
+/// Computes the accelerations a = M⁻¹f.
 fn accelerate(network: &Network, f: &mut [Vec3]) {
     f.iter_mut().zip(&network.inverse_mass).for_each(|(f, w)| *f *= *w);
 }

@@ -8,40 +8,41 @@ use crate::model::network::Network;
 use crate::model::springs::TangentKind;
 use crate::model::state::ExternalForce;
 
-/// The largest force that may be left on a free node, as a share of the largest weight of one.
+/// Largest force accepted on a free node, as a share of the largest weight of one.
 pub const RESIDUAL: f64 = 1e-12;
-/// And as a share of the largest k L of a spring: what rounding of positions leaves.
+/// Alternative limit of this force, as a share of the largest k L of a spring: round-off of positions.
 pub const ROUND_OFF: f64 = 1e-14;
-/// Far more than a network needs that hangs or stands; one that buckles takes dozens.
+/// Iteration cap; hanging and standing networks need few iterations, buckling ones dozens.
 const ITERATIONS: u32 = 200;
-/// A step is halved until the energy falls by this share of what the slope promises (Armijo), at most so often.
+/// Armijo condition: a step is halved, at most [`HALVINGS`] times, until the energy falls by this share of the decrease
+/// that the slope predicts.
 const SUFFICIENT: f64 = 1e-4;
 const HALVINGS: u32 = 40;
-/// What is added to a stabilised tangent that is singular, as shares of the largest stiffness, one after the other.
+/// Shifts added in turn to a stabilised tangent that is singular, as shares of the largest stiffness.
 const SHIFTS: [f64; 5] = [0.0, 1e-6, 1e-4, 1e-2, 1.0];
 
-/// Why there is no equilibrium to start from.
+/// A reason why there is no equilibrium to start from.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum SettleError {
-    /// A piece without a fixed node.
-    #[error("node {node} hangs on no fixed node, so it falls and never settles")]
+    /// A piece of the network has no fixed node.
+    #[error("node {node} is connected to no fixed node, so it falls and never settles")]
     Floating {
-        /// The first of the piece.
+        /// First node of the piece.
         node: u32,
     },
-    /// Newton's method does not find it.
-    #[error("no equilibrium was found: {residual_n:e} N are left on a node, more than {tolerance_n:e} N")]
+    /// Newton's method does not converge.
+    #[error("no equilibrium was found: a force of {residual_n:e} N remains on a node, more than {tolerance_n:e} N")]
     NotSettled {
-        /// The largest force left, N.
+        /// Largest remaining force, N.
         residual_n: f64,
-        /// What may be left, N.
+        /// Largest force accepted, N.
         tolerance_n: f64,
     },
 }
 
-/// Positions at which no free node has a force on it, m, from rest. The tangent is the exact one, or the stabilised one
-/// where that is not definite, so that every step goes downhill: what is found is a minimum of the energy or, at worst,
-/// a flat place in it.
+/// Finds positions at which no free node has a force on it, m, from rest. The tangent is the exact one, or the
+/// stabilised one where that is not definite, so that every step goes downhill: the result is a minimum of the energy
+/// or, at worst, a flat place in it.
 ///
 /// # Errors
 /// If a piece of the network has no fixed node, or no equilibrium is found.
@@ -51,7 +52,7 @@ pub enum SettleError {
 /// use stickslip::{model::network::Network, model::springs::Spring, model::state::ExternalForce};
 /// use stickslip::Vec3;
 ///
-/// // A mass of 1 kg that hangs by a spring of 10 cm and 100 N/m.
+/// // A mass of 1 kg hangs by a spring of 10 cm and 100 N/m.
 /// let hanging = |is_held: bool| {
 ///     let spring = Spring { nodes: [0, 1], stiffness: 100.0, damping: 0.0, rest_length: 0.1 };
 ///     let (rest, gravity) = (vec![Vec3::zeros(), Vec3::z() * -0.1], ExternalForce::Gravity(Vec3::z() * -9.81));
@@ -86,13 +87,13 @@ pub fn settle(network: &Network) -> Result<Vec<Vec3>, SettleError> {
             .chain(SHIFTS.map(|share| (TangentKind::Stabilised, share * stiffest)));
         let step = tangents.find_map(|(kind, shift)| statics.displacements(network, &x, kind, shift, &residual.force));
         let Some(step) = step else { break };
-        // Down the slope, since the matrix is definite.
+        // The direction is downhill, since the matrix is definite.
         let slope: f64 = residual.force.iter().zip(&step).map(|(force, step)| -force.dot(step)).sum();
         let mut share = 1.0;
         let next = (0..HALVINGS).find_map(|_| {
             let trial: Vec<Vec3> = x.iter().zip(&step).map(|(x, step)| x + step * share).collect();
             let at = Residual::at(network, &statics, &trial);
-            // Near the bottom the energy no longer shows which place is lower, the forces do.
+            // Near the minimum, round-off hides which energy is lower; the forces still decrease.
             let falls = at.energy <= residual.energy + SUFFICIENT * share * slope;
             let level = at.energy <= residual.energy + ROUND_OFF * residual.size && at.largest < residual.largest;
             share *= 0.5;
@@ -104,7 +105,7 @@ pub fn settle(network: &Network) -> Result<Vec<Vec3>, SettleError> {
     Err(SettleError::NotSettled { residual_n: residual.largest, tolerance_n })
 }
 
-/// |m g|, N.
+/// Returns the weight |m g|, N.
 fn weight(force: &ExternalForce, mass: f64) -> f64 {
     match force {
         ExternalForce::Gravity(g) => mass * g.norm(),
@@ -112,7 +113,7 @@ fn weight(force: &ExternalForce, mass: f64) -> f64 {
     }
 }
 
-/// A free node from which no fixed one is reached along springs.
+/// Finds a free node from which no fixed one is reached along springs.
 fn floating(network: &Network) -> Option<u32> {
     let mut reached = network.fixed.clone();
     let mut front: Vec<u32> = (0..).zip(&reached).filter(|(_, is)| **is).map(|(node, _)| node).collect();
@@ -127,14 +128,14 @@ fn floating(network: &Network) -> Option<u32> {
     (0..).zip(reached).find(|(_, is)| !is).map(|(node, _)| node)
 }
 
-/// Forces on free nodes, and the energy whose slope they are.
+/// Forces on free nodes, and the energy of which they are the negative gradient.
 struct Residual {
     force: Vec<Vec3>,
-    /// The largest of them, N; NaN stays.
+    /// Largest force, N; NaN is kept.
     largest: f64,
-    /// Of springs and gravity, J, from rest.
+    /// Energy of springs and gravity relative to rest, J.
     energy: f64,
-    /// Sum of what the energy is made of, J: the scale of its rounding.
+    /// Sum of the magnitudes of the energy's terms, J: the scale of its round-off.
     size: f64,
 }
 

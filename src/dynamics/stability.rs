@@ -1,27 +1,27 @@
-//! How long an explicit step may be.
+//! The stability-limit time step of explicit integration.
 
 use crate::Vec3;
 use crate::model::springs::{Springs, TangentKind};
 
-/// The largest stable step of semi-implicit Euler (11), and the mode that sets it.
+/// The stability-limit time step of semi-implicit Euler (11), and the mode that sets it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StepLimit {
-    /// Infinite where nothing moves or nothing holds it.
+    /// Largest stable step, s; infinite where nothing moves or no spring or drag acts.
     pub step: f64,
-    /// κ of the critical mode as an angular frequency √κ, rad/s.
+    /// Angular frequency √κ of the critical mode, rad/s.
     pub omega: f64,
 }
 
-/// Power iterations for the critical mode, at most: this bounds the cost on large meshes.
+/// Largest number of power iterations for the critical mode, which bounds the cost on large meshes.
 const ITERATIONS: usize = 400;
-/// Iterations end when the Rayleigh quotient changes by less than this share. Its error is the
-/// square of the vector's, so the digits printed are long since there.
+/// Convergence limit: the relative change of the Rayleigh quotient. Its error is the square of the vector's, so the
+/// printed digits have settled long before.
 const CONVERGED: f64 = 1e-12;
-/// Solves of the quadratic for h; one is enough where damping is proportional to stiffness.
+/// Number of solves of the quadratic for h; one is enough where damping is proportional to stiffness.
 const REFINEMENTS: usize = 4;
 
-/// The limit at a state at rest, where K and D are symmetric. `inverse_mass` has one entry per node
-/// of `x` and is zero for nodes that are held.
+/// Returns the limit at a state at rest, where K and D are symmetric. `inverse_mass` has one entry per node of `x` and
+/// is zero for fixed nodes.
 ///
 /// With K̃ = −M^{-½} K M^{-½} and D̃ likewise, a mode y of one step has
 /// λ² − (2 − hd − h²κ)λ + 1 − hd = 0, d = yᵀD̃y, κ = yᵀK̃y. Both roots stay in the unit circle up to
@@ -59,7 +59,7 @@ pub fn explicit_step_limit(springs: &Springs, x: &[Vec3], inverse_mass: &[f64], 
     StepLimit { step, omega: kappa.sqrt() }
 }
 
-/// K̃ and D̃, applied spring by spring.
+/// The matrices K̃ and D̃, applied spring by spring.
 struct Pencil {
     blocks: Vec<([usize; 2], crate::Mat3, crate::Mat3)>,
     root_inverse_mass: Vec<f64>,
@@ -79,7 +79,7 @@ impl Pencil {
         Self { blocks, root_inverse_mass: inverse_mass.iter().map(|w| w.sqrt()).collect(), drag }
     }
 
-    /// Neighbours move against each other, with some of everything else: no mode is left out.
+    /// Returns a random start vector, in which no mode is missing.
     fn start(&self) -> Vec<Vec3> {
         let mut seed = 1_u64;
         let mut noise = || {
@@ -92,7 +92,7 @@ impl Pencil {
             .collect()
     }
 
-    /// The mode with the largest κ + share·d, refined from `mode`; returns its (d, κ).
+    /// Finds the mode with the largest κ + share·d, refined from `mode`; returns its (d, κ).
     fn critical_mode(&self, share: f64, mode: &mut Vec<Vec3>) -> (f64, f64) {
         let (mut d, mut kappa, mut last) = (0.0, 0.0, f64::INFINITY);
         let mut product = vec![Vec3::zeros(); mode.len()];

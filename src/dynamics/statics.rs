@@ -9,10 +9,10 @@ use crate::model::network::Network;
 use crate::model::springs::TangentKind;
 use crate::{Mat3, Vec3};
 
-/// The number of a component that is held.
+/// Marks a component that is held.
 const HELD: usize = usize::MAX;
 
-/// Which components of displacements are solved for, and the order in which they are eliminated.
+/// The components of displacements that are solved for, and their elimination order.
 ///
 /// ```
 /// use stickslip::dynamics::statics::Statics;
@@ -26,20 +26,20 @@ const HELD: usize = usize::MAX;
 /// let mut statics = Statics::new([[true; 3], [true, true, false]]);
 /// let mut load = [Vec3::zeros(), Vec3::new(1.0, 0.0, -2.0)];
 /// statics.free_part(&mut load);
-/// assert_eq!(load[1], Vec3::z() * -2.0); // the rest is for whatever holds it
+/// assert_eq!(load[1], Vec3::z() * -2.0); // the support takes the rest
 /// let u = statics.displacements(&network, &network.rest, TangentKind::Exact, 0.0, &load).expect("it resists");
 /// assert!((u[1] - Vec3::z() * -0.02).norm() < 1e-15); // F/k
 /// ```
 #[derive(Debug, Clone)]
 pub struct Statics {
-    /// Number of each node's x, y and z among the unknowns, or [`HELD`].
+    /// Index of each node's x, y and z among the unknowns, or [`HELD`].
     number: Vec<[usize; 3]>,
     unknowns: usize,
     symbolic: Option<SymbolicLlt<usize>>,
 }
 
 impl Statics {
-    /// For nodes whose components are held (`true`) or free.
+    /// Prepares nodes whose components are held (`true`) or free.
     pub fn new(held: impl IntoIterator<Item = [bool; 3]>) -> Self {
         let mut unknowns = 0;
         let mut take = |held: bool| {
@@ -53,15 +53,15 @@ impl Statics {
         Self { number, unknowns, symbolic: None }
     }
 
-    /// Of a vector for each node, the components that are solved for; the others zero.
+    /// Sets the held components of a vector for each node to zero.
     pub fn free_part(&self, vectors: &mut [Vec3]) {
         for (vector, number) in vectors.iter_mut().zip(&self.number) {
             (0..3).filter(|&axis| number[axis] == HELD).for_each(|axis| vector[axis] = 0.0);
         }
     }
 
-    /// u with (−∂f/∂x + shift) u = load over the free components, m, from loads in N and a shift in N/m; zero where
-    /// components are held. Nothing if the matrix is not positive definite or the answer is not finite.
+    /// Returns u with (−∂f/∂x + shift) u = load over the free components, m, from loads in N and a shift in N/m; zero
+    /// where components are held. Returns `None` if the matrix is not positive definite or the result is not finite.
     pub fn displacements(
         &mut self,
         network: &Network,
@@ -96,7 +96,7 @@ impl Statics {
                 triplets.push(Triplet::new(i, i, shift));
             }
         }
-        // The lower triangle is all that is read.
+        // Only the lower triangle is read.
         let mut add = |rows: [usize; 3], columns: [usize; 3], block: &Mat3, sign: f64| {
             for (a, b) in (0..9).map(|i| (i / 3, i % 3)) {
                 if rows[a] != HELD && columns[b] != HELD && rows[a] >= columns[b] {

@@ -1,9 +1,9 @@
-//! A coarse grid over the rest shape of a mesh, to interpolate displacements far from the contact.
+//! A coarse grid over the rest shape of a mesh, which interpolates displacements far from the contact.
 
 use crate::Vec3;
 
-/// A box of equal cells around the rest positions. Cells touch the bounding box on every side, so that
-/// each has nodes on its outer faces.
+/// A box of equal cells around the rest positions. Cells touch the bounding box on every side, so that each has nodes
+/// on its outer faces.
 ///
 /// ```
 /// use stickslip::{Vec3, local::coarse::Grid};
@@ -26,18 +26,18 @@ pub struct Grid {
     origin: Vec3,
     cell: Vec3,
     cells: [usize; 3],
-    /// Of each node, its cell and the weights of the cell's corners.
+    /// Cell of each node, and the weights of the cell's corners.
     places: Vec<(u32, [f64; CORNERS])>,
 }
 
 /// Nodes this close to a face of their cell, as a share of its length, lie on it.
 const ON_FACE: f64 = 1e-9;
 
-/// Vertices of a cell.
+/// Number of vertices of a cell.
 pub const CORNERS: usize = 8;
 
 impl Grid {
-    /// A grid of cells about `size` long, m.
+    /// Builds a grid of cells about `size` long, m.
     pub fn new(rest: &[Vec3], size: f64) -> Self {
         let first = rest.first().copied().unwrap_or_default();
         let (low, high) = rest.iter().fold((first, first), |(low, high), x| (low.inf(x), high.sup(x)));
@@ -49,7 +49,7 @@ impl Grid {
         grid
     }
 
-    /// The cell that a node lies in, and the trilinear weights of its corners there.
+    /// Returns the cell that a node lies in, and the trilinear weights of its corners there.
     pub fn place(&self, node: u32) -> (u32, [f64; CORNERS]) {
         self.places[node as usize]
     }
@@ -58,12 +58,12 @@ impl Grid {
         let mut index = [0; 3];
         let mut share = [0.0; 3];
         for axis in 0..3 {
-            // A flat mesh has cells of no height.
+            // Cells of a flat mesh have no height.
             if self.cell[axis] > 0.0 {
                 let along = (place[axis] - self.origin[axis]) / self.cell[axis];
                 index[axis] = (along.floor().max(0.0) as usize).min(self.cells[axis] - 1);
                 let exact = along - index[axis] as f64;
-                // A node on a face is on it, whatever rounding says.
+                // A node this close to a face lies on it, whatever the rounding.
                 share[axis] = if (exact - exact.round()).abs() < ON_FACE { exact.round() } else { exact };
             }
         }
@@ -75,7 +75,7 @@ impl Grid {
         (cell as u32, std::array::from_fn(weight))
     }
 
-    /// The vertices at the corners of a cell.
+    /// Returns the vertices at the corners of a cell.
     pub fn corners(&self, cell: u32) -> [usize; CORNERS] {
         let ([nx, ny, _], cell) = (self.cells, cell as usize);
         let index = [cell % nx, cell / nx % ny, cell / (nx * ny)];
@@ -90,7 +90,7 @@ impl Grid {
         self.cells.iter().map(|cells| cells + 1).product()
     }
 
-    /// Where a vertex is at rest, m.
+    /// Returns the rest position of a vertex, m.
     pub fn position(&self, vertex: usize) -> Vec3 {
         let [nx, ny] = [self.cells[0] + 1, self.cells[1] + 1];
         let index = Vec3::new((vertex % nx) as f64, (vertex / nx % ny) as f64, (vertex / (nx * ny)) as f64);

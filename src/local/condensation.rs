@@ -1,10 +1,9 @@
-//! An exterior that follows the patch quasi-statically: x_E − x_E₀ = −K_EE⁻¹K_EL (x_L − x_L₀), so that
-//! f gains C(x − x₀), C = −K_LE K_EE⁻¹ K_EL.
+//! Static condensation of the exterior, which follows the patch quasi-statically:
+//! x_E − x_E₀ = −K_EE⁻¹K_EL (x_L − x_L₀), so that f gains C(x − x₀), C = −K_LE K_EE⁻¹ K_EL.
 //!
-//! K is the elastic Jacobian alone, which is symmetric; here it is taken with the opposite sign, so that
-//! what is stable is positive. Far from the contact the exterior may be interpolated from a coarse
-//! grid (Galerkin): a *point* of the condensed system is a node of the network or a vertex of that
-//! grid.
+//! K is the elastic Jacobian alone, which is symmetric. Here its sign is reversed, so that stable means positive. Far
+//! from the contact the exterior may be interpolated from a coarse grid (Galerkin): a *point* of the condensed system
+//! is a node of the network or a vertex of that grid.
 
 mod points;
 
@@ -23,77 +22,77 @@ use crate::model::springs::{Spring, TangentKind};
 use crate::word::words;
 use crate::{Mat3, Vec3};
 
-/// Edge of a cell of the coarse grid, in lengths of a spring.
+/// Edge of a cell of the coarse grid, in spring lengths.
 const COARSENING: f64 = 4.0;
-/// Vertices of the coarse grid that move the same few nodes may be interchangeable; this share of the
-/// springs' stiffness decides between them. What it changes of C is of the same order.
+/// Vertices of the coarse grid that move the same few nodes may be interchangeable; this share of the springs'
+/// stiffness decides between them. The resulting change of C is of the same order.
 const COARSE_GROUND: f64 = 1e-8;
-/// Eigenvalues of K + C this far above zero, as a share of the springs' stiffness, are round-off of a
-/// body that can move freely.
+/// Eigenvalues of K + C up to this far above zero, as a share of the springs' stiffness, count as round-off of a body
+/// that can move freely.
 const FREE_MOTION: f64 = 1e-9;
-/// Most points that one spring depends on: the corners of the cells of its two ends.
+/// Largest number of points that one spring depends on: the corners of the cells of its two ends.
 const MOST_POINTS: usize = 16;
-/// Unordered pairs of these, a point with itself included.
+/// Largest number of unordered pairs of such points, a point with itself included.
 const MOST_PAIRS: usize = MOST_POINTS * (MOST_POINTS + 1) / 2;
 
-/// How an exterior is condensed.
+/// Settings of the static condensation of an exterior.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Condensation {
-    /// Of the Jacobian that C is made from.
+    /// Kind of the Jacobian that C is built from.
     pub tangent: TangentKind,
-    /// How much of the exterior follows.
+    /// Part of the exterior that is condensed.
     pub reach: Reach,
 }
 
-/// How much of the exterior follows the patch.
+/// Part of the exterior that is statically condensed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reach {
-    /// All of it.
+    /// The whole exterior.
     All,
-    /// What lies within so many springs of the patch's centre.
+    /// The nodes within this many springs of the patch's centre.
     Rings {
-        /// Springs.
+        /// Number of rings of springs.
         rings: u32,
-        /// What the rest does.
+        /// Model of the remaining exterior.
         far_field: FarField,
     },
 }
 
-/// What the exterior beyond [`Reach::Rings`] does.
+/// Model of the exterior beyond [`Reach::Rings`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum FarField {
-    /// It stays where it is.
+    /// The far field stays fixed.
     #[default]
     Fixed,
-    /// It follows as a coarse grid does whose cells are four springs long.
+    /// The far field is condensed on a coarse grid whose cells are four springs long.
     Coarse,
 }
 
 words!(FarField { Fixed = "fixed", Coarse = "coarse" });
 
-/// What became of the exterior of one model.
+/// Outcome of the condensation for one model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Outcome {
-    /// C is made from the Jacobian that was asked for.
+pub enum CondensationOutcome {
+    /// C is built from the requested Jacobian.
     AsAsked,
-    /// With the exact Jacobian the exterior is in no stable equilibrium (it is compressed, or hinged):
-    /// the model is built with the stabilised one.
+    /// With the exact Jacobian the exterior is in no stable equilibrium (it is compressed, or hinged): the model is
+    /// built with the stabilised one.
     Stabilised,
-    /// Also with the stabilised Jacobian a part of the exterior that hangs on the patch can move
-    /// without any force: the exterior stays fixed.
+    /// Even with the stabilised Jacobian a part of the exterior that is connected to the patch can move without any
+    /// force: the exterior stays fixed.
     Held,
 }
 
-/// What became of all models of a run.
+/// Number of models of a run by condensation outcome.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct CondensationCounts {
-    /// Models built.
+    /// Number of models built.
     pub models: u64,
-    /// With the stabilised tangent because the exact one is not definite over the exterior.
+    /// Number of models with the stabilised tangent, because the exact one is not definite over the exterior.
     pub stabilised: u64,
-    /// With a fixed exterior because it can move without any force.
+    /// Number of models with a fixed exterior, because it can move without any force.
     pub held: u64,
-    /// Whose own tangent K + C is indefinite: they diverge unless the contact holds them.
+    /// Number of models whose own tangent K + C is indefinite: they diverge unless the contact holds them.
     pub indefinite: u64,
 }
 
@@ -104,39 +103,39 @@ impl fmt::Display for CondensationCounts {
             f,
             "condensed exterior: {models} models; {stabilised} with the stabilised tangent because the exact one is \
              indefinite over the exterior, {held} with a fixed exterior because it can move without a force, \
-             {indefinite} indefinite themselves"
+             {indefinite} with an indefinite tangent of their own"
         )
     }
 }
 
-/// C of one model, and what it took.
+/// C of one model, with its outcome and cost.
 #[derive(Debug, Clone)]
 pub struct Condensed {
-    /// C, N/m; none where the exterior is held.
+    /// Stiffness C, N/m; `None` if the exterior is held fixed.
     pub stiffness: Option<DMatrix<f64>>,
-    /// What became of the exterior.
-    pub outcome: Outcome,
-    /// The tangent that this model is built with.
+    /// Outcome of the condensation.
+    pub outcome: CondensationOutcome,
+    /// Kind of tangent that this model is built with.
     pub tangent: TangentKind,
-    /// Size of the system.
+    /// Size of the condensed system.
     pub size: CondensedSize,
 }
 
-/// How large a condensed system is.
+/// Size of a condensed system.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct CondensedSize {
-    /// Exterior nodes that follow, each for itself.
+    /// Number of exterior nodes that are points of their own.
     pub nodes: usize,
-    /// Vertices of the coarse grid.
+    /// Number of vertices of the coarse grid.
     pub vertices: usize,
-    /// Its factor.
+    /// Cost of the factorisation.
     pub factor: FactorCost,
 }
 
-/// Condenses the exterior of one patch after the other.
+/// Condenses the exterior of one patch after another.
 ///
 /// ```
-/// use stickslip::local::condensation::{Condensation, Condenser, Outcome, Reach};
+/// use stickslip::local::condensation::{Condensation, Condenser, CondensationOutcome, Reach};
 /// use stickslip::model::springs::TangentKind;
 /// use stickslip::{pipeline::Simulation, scene::Scene};
 ///
@@ -145,9 +144,9 @@ pub struct CondensedSize {
 /// let (network, patch) = (simulation.network(), &simulation.local().model().patch);
 /// let mut condenser = Condenser::new(network, Condensation { tangent: TangentKind::Exact, reach: Reach::All });
 /// let condensed = condenser.condense(network, patch, &network.rest);
-/// assert_eq!((condensed.outcome, condenser.counts().models), (Outcome::AsAsked, 1));
+/// assert_eq!((condensed.outcome, condenser.counts().models), (CondensationOutcome::AsAsked, 1));
 ///
-/// // An exterior that follows takes load off the patch, and never more than it carried: C is positive semidefinite.
+/// // A condensed exterior takes load off the patch, and never more than it carried: C is positive semidefinite.
 /// let c = condensed.stiffness.expect("it is as asked");
 /// assert_eq!(c.nrows(), 3 * patch.len());
 /// assert!((&c - c.transpose()).amax() < 1e-9);
@@ -167,7 +166,7 @@ pub struct Condenser {
 }
 
 impl Condenser {
-    /// For one network.
+    /// Builds a condenser for one network.
     pub fn new(network: &Network, settings: Condensation) -> Self {
         let grid = match settings.reach {
             Reach::Rings { far_field: FarField::Coarse, .. } => {
@@ -178,8 +177,8 @@ impl Condenser {
         Self { settings, grid, plan: None, values: Vec::new(), factor: Vec::new(), counts: Default::default() }
     }
 
-    /// C of a patch in a network at `x`. What depends on the patch alone (who is condensed, in which
-    /// order, the pattern of the factor) is kept until another patch comes; then it is made anew.
+    /// Computes C of a patch in a network at `x`. The parts that depend on the patch alone (the condensed nodes, their
+    /// order, the pattern of the factor) are kept until the patch changes.
     pub fn condense(&mut self, network: &Network, patch: &Patch, x: &[Vec3]) -> Condensed {
         let plan = match self.plan.take() {
             Some(plan) if plan.is_for(patch) => plan,
@@ -188,26 +187,26 @@ impl Condenser {
         let mut with = |kind| plan.condense(x, kind, &mut self.values, &mut self.factor);
         let asked = self.settings.tangent;
         let (stiffness, outcome, tangent) = match (with(asked), asked) {
-            (Ok(c), _) => (Some(c), Outcome::AsAsked, asked),
-            (Err(NotDefinite), TangentKind::Stabilised) => (None, Outcome::Held, asked),
+            (Ok(c), _) => (Some(c), CondensationOutcome::AsAsked, asked),
+            (Err(NotDefinite), TangentKind::Stabilised) => (None, CondensationOutcome::Held, asked),
             (Err(NotDefinite), TangentKind::Exact) => match with(TangentKind::Stabilised) {
-                Ok(c) => (Some(c), Outcome::Stabilised, TangentKind::Stabilised),
-                Err(NotDefinite) => (None, Outcome::Held, asked),
+                Ok(c) => (Some(c), CondensationOutcome::Stabilised, TangentKind::Stabilised),
+                Err(NotDefinite) => (None, CondensationOutcome::Held, asked),
             },
         };
         let condensed = Condensed { stiffness, outcome, tangent, size: plan.size() };
         self.counts.models += 1;
         match outcome {
-            Outcome::AsAsked => {}
-            Outcome::Stabilised => self.counts.stabilised += 1,
-            Outcome::Held => self.counts.held += 1,
+            CondensationOutcome::AsAsked => {}
+            CondensationOutcome::Stabilised => self.counts.stabilised += 1,
+            CondensationOutcome::Held => self.counts.held += 1,
         }
         self.counts.indefinite += u64::from(condensed.is_indefinite(patch, x));
         self.plan = Some(plan);
         condensed
     }
 
-    /// What became of the models so far.
+    /// Returns the counts of outcomes so far.
     pub fn counts(&self) -> CondensationCounts {
         self.counts
     }
@@ -241,7 +240,7 @@ impl Condensed {
     }
 }
 
-/// All of the condensation that depends on the patch but not on positions.
+/// The parts of the condensation that depend on the patch but not on positions.
 #[derive(Debug, Clone)]
 struct Plan {
     patch: Vec<u32>,
@@ -249,14 +248,15 @@ struct Plan {
     nodes: usize,
     vertices: usize,
     elimination: Elimination,
-    /// Springs with an exterior end, group after group.
+    /// Springs with an exterior end, group by group.
     springs: Vec<Spring>,
     groups: Vec<Group>,
-    /// For each spring of a group, how much each of the group's points moves its end j less its end i.
+    /// For each spring of a group, the motion of its end j minus that of its end i, per motion of each of the group's
+    /// points.
     weights: Vec<f64>,
-    /// For each pair of a group's points, where its block goes; none between points of the patch.
+    /// For each pair of a group's points, the place of its block; `None` between points of the patch.
     places: Vec<Option<BlockPlace>>,
-    /// Blocks of the coarse vertices on the diagonal.
+    /// Diagonal blocks of the coarse vertices.
     grounds: Vec<BlockPlace>,
     /// Largest stiffness of a spring, N/m.
     scale: f64,
@@ -341,7 +341,7 @@ impl Plan {
         self.elimination.schur(values, self.scale, factor)
     }
 
-    /// The stiffness of the springs with an exterior end, without its part within the patch.
+    /// Assembles the stiffness of the springs with an exterior end, without its part within the patch.
     fn assemble(&self, x: &[Vec3], kind: TangentKind, values: &mut [f64]) {
         let (mut springs, mut weights, mut places) = (self.springs.iter(), &self.weights[..], &self.places[..]);
         let mut sums = [Mat3::zeros(); MOST_PAIRS];
@@ -356,7 +356,7 @@ impl Plan {
                 let mut sum = sums.iter_mut();
                 for (a, weight) in own.iter().enumerate() {
                     let block = block * *weight;
-                    // The weights first: when they end, no sum of the next row has been taken.
+                    // The weights come first in the zip: when they end, no sum of the next row has been consumed.
                     own[a..].iter().zip(sum.by_ref()).for_each(|(weight, sum)| *sum += block * *weight);
                 }
             }
@@ -374,23 +374,23 @@ impl Plan {
     }
 }
 
-/// Springs whose ends have the same roles: those that are sorted by them, cut apart.
+/// Splits the springs, sorted by the roles of their ends, into groups of equal roles.
 fn grouped<'a>(points: &'a Points, springs: &'a [Spring]) -> impl Iterator<Item = &'a [Spring]> {
     springs.chunk_by(|a, b| points.roles(a.nodes) == points.roles(b.nodes))
 }
 
-/// The points of each group.
+/// Returns the points of each group.
 fn lists<'a>(points: &'a Points, springs: &'a [Spring]) -> impl Iterator<Item = Vec<u32>> {
     grouped(points, springs).map(|group| points.of(group[0].nodes))
 }
 
-/// Every pair of a list, a point with itself included, in the order of the list.
+/// Returns every pair of a list, a point with itself included, in the order of the list.
 fn pairs(list: Vec<u32>) -> impl Iterator<Item = [u32; 2]> {
     let count = list.len();
     (0..count).flat_map(move |a| (a..count).map(move |b| (a, b))).map(move |(a, b)| [list[a], list[b]])
 }
 
-/// The mean, over the nodes, of the length of their shortest spring, m: the spacing of a block.
+/// Mean over the nodes of the length of their shortest spring, m: the spacing of a block.
 fn mean_shortest_spring(network: &Network) -> f64 {
     let shortest = |node: u32| network.links(node).iter().map(|link| link.spring.rest_length).reduce(f64::min);
     let lengths: Vec<f64> = (0..network.node_count() as u32).filter_map(shortest).collect();

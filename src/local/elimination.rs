@@ -1,10 +1,10 @@
-//! Eliminating the first part of a sparse symmetric system: an order by nested dissection, and the
-//! Schur complement from the trailing block of faer's factor.
+//! Elimination of the first part of a sparse symmetric system: a nested-dissection order, and the Schur complement from
+//! the trailing block of faer's factor.
 //!
-//! Unknowns come in *points* of three. The points to be eliminated are ordered first, those kept last;
-//! the trailing block of the factor of \[E B; Bᵀ −σI\] is then that of −(σI + BᵀE⁻¹B), without a
-//! solve. The kept block −σI makes the matrix quasi-definite wherever E is positive definite: LDLᵀ
-//! exists in every order, and the signs of D over E are the inertia of E.
+//! Unknowns come in *points* of three. The points to be eliminated are ordered first, those kept last; the trailing
+//! block of the factor of \[E B; Bᵀ −σI\] is then that of −(σI + BᵀE⁻¹B), without a solve. The kept block −σI makes the
+//! matrix quasi-definite wherever E is positive definite: LDLᵀ exists in every order, and the signs of D over E are the
+//! inertia of E.
 
 use std::sync::Arc;
 
@@ -25,26 +25,25 @@ use nalgebra::DMatrix;
 
 use crate::{Mat3, Vec3};
 
-/// Pivots of E at most this share of the stiffness scale are zero. Round-off leaves 1e-15 times the
-/// growth of the elimination; the softest exterior worth the name, a million springs in a row,
-/// has 1e-6.
+/// Pivots of E of at most this share of the stiffness scale count as zero. Round-off leaves 1e-15 times the growth of
+/// the elimination; the softest relevant exterior, a million springs in a row, has 1e-6.
 const ZERO_PIVOT: f64 = 1e-12;
 
-/// Fewer points than this are no longer divided: their part of the factor is all but dense.
+/// Sets of fewer points than this are not divided further: their part of the factor is all but dense.
 const LEAF: usize = 24;
 
 /// The exterior block has no Cholesky factor: it is indefinite or singular.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NotDefinite;
 
-/// Where a 3 × 3 block lies among the values: its first entry, and the step to the next column.
+/// Place of a 3 × 3 block among the values: its first entry, and the step to the next column.
 #[derive(Debug, Clone, Copy)]
 pub struct BlockPlace {
     first: usize,
     column_step: usize,
 }
 
-/// Which points are coupled to which.
+/// The coupled points of each point.
 ///
 /// ```
 /// use stickslip::local::elimination::Couplings;
@@ -59,7 +58,7 @@ pub struct Couplings {
 }
 
 impl Couplings {
-    /// From pairs in any order and number, each seen from both ends.
+    /// Builds the couplings from pairs in any order and number, each seen from both ends.
     pub fn new(points: usize, pairs: impl Iterator<Item = [u32; 2]>) -> Self {
         let key = |from: u32, to: u32| u64::from(from) << 32 | u64::from(to);
         let mut entries: Vec<u64> = pairs.flat_map(|[a, b]| [key(a, b), key(b, a)]).collect();
@@ -73,13 +72,13 @@ impl Couplings {
         Self { start, others: entries.into_iter().map(|entry| entry as u32).collect() }
     }
 
-    /// The points coupled to one, ascending.
+    /// Returns the points coupled to one, ascending.
     pub fn of(&self, point: u32) -> &[u32] {
         &self.others[self.start[point as usize]..self.start[point as usize + 1]]
     }
 }
 
-/// The part that depends on the pattern alone.
+/// The part of the elimination that depends only on the pattern.
 ///
 /// ```
 /// use stickslip::{Mat3, local::elimination::{Elimination, NotDefinite}};
@@ -95,33 +94,33 @@ impl Couplings {
 /// };
 /// let c = schur(k1 + k2, -k2).expect("it is definite");
 /// assert!((c - nalgebra::DMatrix::identity(3, 3) * (k2 * k2 / (k1 + k2))).amax() < 1e-9);
-/// assert_eq!(schur(-1.0, -k2), Err(NotDefinite)); // it would fly off
+/// assert_eq!(schur(-1.0, -k2), Err(NotDefinite)); // negative stiffness
 /// assert!(elimination.cost().entries > 0);
 /// ```
 #[derive(Debug, Clone)]
 pub struct Elimination {
-    /// Points eliminated and points kept.
+    /// Numbers of points eliminated and points kept.
     eliminated: usize,
     kept: usize,
-    /// Block rows of each block column. Both triangles, because the symbolic phase reads the upper and
-    /// the numeric phase the lower one; values are only ever put into the lower.
+    /// Block rows of each block column, in both triangles: the symbolic phase reads the upper and the numeric phase the
+    /// lower one. Values are written only to the lower.
     blocks: Couplings,
     pattern: Arc<SymbolicSparseColMat<usize>>,
     symbolic: Arc<SymbolicSupernodalCholesky<usize>>,
 }
 
-/// What factorising costs.
+/// Cost of a factorisation.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct FactorCost {
-    /// Numbers in the factor.
+    /// Number of entries of the factor.
     pub entries: u64,
-    /// Multiply–adds.
+    /// Number of multiply–adds.
     pub multiply_adds: u64,
 }
 
 impl Elimination {
-    /// Analyses a pattern: `pairs` are the coupled points, with numbers in the order of
-    /// elimination; the first `eliminated` are eliminated, the last `kept` are kept.
+    /// Analyses a pattern: `pairs` are the coupled points, numbered in the order of elimination; the first `eliminated`
+    /// are eliminated, the last `kept` are kept.
     pub fn new(eliminated: usize, kept: usize, pairs: impl Iterator<Item = [u32; 2]>) -> Self {
         let points = eliminated + kept;
         let diagonal = (0..points as u32).map(|point| [point; 2]);
@@ -141,19 +140,19 @@ impl Elimination {
         Self { eliminated, kept, blocks, pattern: Arc::new(pattern), symbolic: Arc::new(symbolic) }
     }
 
-    /// Room for the values of the matrix.
+    /// Length of the values of the matrix.
     pub fn values_len(&self) -> usize {
         9 * self.blocks.others.len()
     }
 
-    /// Where the block of a coupled pair of points is; `row` is not before `column`.
+    /// Returns the place of the block of a coupled pair of points; `row` is not before `column`.
     pub fn place(&self, row: u32, column: u32) -> BlockPlace {
         let rows = self.blocks.of(column);
         let at = rows.partition_point(|&other| other < row);
         BlockPlace { first: 9 * self.blocks.start[column as usize] + 3 * at, column_step: 3 * rows.len() }
     }
 
-    /// What factorising costs.
+    /// Returns the cost of the factorisation.
     pub fn cost(&self) -> FactorCost {
         let symbolic = &self.symbolic;
         let mut multiply_adds = 0;
@@ -165,8 +164,8 @@ impl Elimination {
         FactorCost { entries: symbolic.len_val() as u64, multiply_adds }
     }
 
-    /// BᵀE⁻¹B for a matrix of [`values_len`](Self::values_len) values, in which the kept block is zero
-    /// and entries are of the order of `scale`. `factor` is scratch that grows to what is needed.
+    /// Computes BᵀE⁻¹B for a matrix of [`values_len`](Self::values_len) values, in which the kept block is zero and
+    /// entries are of the order of `scale`. `factor` is a workspace that grows as needed.
     ///
     /// # Errors
     /// If E is not positive definite.
@@ -178,7 +177,7 @@ impl Elimination {
             }
         }
         factor.resize(self.symbolic.len_val(), 0.0);
-        // One thread: sums of several would depend on how many.
+        // One thread: with several, sums would depend on their number.
         let scratch =
             factorize_supernodal_numeric_ldlt_scratch::<usize, f64>(&self.symbolic, Par::Seq, Default::default());
         let mut memory = MemBuffer::new(scratch);
@@ -195,7 +194,7 @@ impl Elimination {
         self.trailing(SupernodalLdltRef::new(&self.symbolic, factor), scale)
     }
 
-    /// From the factor: that E is definite, and L|D|Lᵀ − σI of the kept block.
+    /// Checks from the factor that E is definite, and computes BᵀE⁻¹B from L|D|Lᵀ − σI of the kept block.
     fn trailing(&self, factor: SupernodalLdltRef<usize, f64>, scale: f64) -> Result<DMatrix<f64>, NotDefinite> {
         let first_kept = 3 * self.eliminated;
         let mut root = DMatrix::zeros(3 * self.kept, 3 * self.kept);
@@ -210,7 +209,7 @@ impl Elimination {
                     }
                     continue;
                 }
-                // Quasi-definite: below a definite E the pivots of the kept block are negative.
+                // The matrix is quasi-definite: after a definite E the pivots of the kept block are negative.
                 let stretch = (-pivot).sqrt();
                 let at = start + column - first_kept;
                 root[(at, at)] = stretch;
@@ -232,7 +231,7 @@ impl Elimination {
 }
 
 impl BlockPlace {
-    /// Adds a block's values.
+    /// Adds the values of a block.
     pub fn add(&self, block: &Mat3, values: &mut [f64]) {
         for column in 0..3 {
             let at = self.first + column * self.column_step;
@@ -256,8 +255,8 @@ fn analyse(pattern: &SymbolicSparseColMat<usize>) -> SymbolicSupernodalCholesky<
         .expect("the scene was checked to fit the memory, and 2⁶³ indices do not overflow")
 }
 
-/// An order of elimination that keeps the factor sparse: points are divided in two along their longest
-/// axis by a layer of points, which comes last, and both halves are ordered likewise.
+/// Returns an order of elimination that keeps the factor sparse: points are divided in two along their longest axis by
+/// a layer of points, which comes last, and both halves are ordered likewise.
 ///
 /// ```
 /// use stickslip::{Vec3, local::elimination::{Couplings, Elimination, nested_dissection}};
@@ -271,7 +270,7 @@ fn analyse(pattern: &SymbolicSparseColMat<usize>) -> SymbolicSupernodalCholesky<
 /// (0..).zip(&order).for_each(|(at, &point)| number[point as usize] = at);
 /// assert!(number.iter().all(|&at| at < 3600)); // every point once
 ///
-/// // It takes less work than row by row.
+/// // This order takes less work than row by row.
 /// let reordered = pairs.iter().map(|pair| pair.map(|point| number[point as usize]));
 /// let by_rows = Elimination::new(3600, 0, pairs.iter().copied()).cost();
 /// assert!(Elimination::new(3600, 0, reordered).cost().multiply_adds < by_rows.multiply_adds);
@@ -309,8 +308,8 @@ impl Dissection<'_> {
         self.order.extend_from_slice(&layer);
     }
 
-    /// Sorts along the longest axis and cuts near the middle, but not through points of one
-    /// coordinate: on a lattice that would make the layer two deep. 0 where there is no cut.
+    /// Sorts along the longest axis and cuts near the middle, but not through points of one coordinate: on a lattice
+    /// that would make the layer two deep. Returns 0 if there is no cut.
     fn sort_and_cut(&self, points: &mut [u32]) -> usize {
         let at = |point: u32| self.positions[point as usize];
         let (low, high) = points

@@ -1,5 +1,5 @@
-//! Tangent forces of a patch (3)–(4): f = f₀ + K(x − x₀) + D(v − v₀), and under a drifting
-//! exterior + (t − t_k) K_LE v_E₀; under a condensed one K becomes K + C.
+//! Tangent forces of a patch (3)–(4): f = f₀ + K(x − x₀) + D(v − v₀). A drifting exterior adds (t − t_k) K_LE v_E₀;
+//! under a condensed one K becomes K + C.
 
 use nalgebra::{DMatrix, DVector};
 use pulp::Arch;
@@ -10,21 +10,20 @@ use crate::model::springs::TangentKind;
 use crate::model::state::ExternalForce;
 use crate::{Mat3, Vec3};
 
-/// Rows that one pass of the matrix–vector product keeps in registers: eleven of the sixteen that are 256 bits wide. The
-/// last panel has what is left, in whole registers.
+/// Rows that one pass of the matrix–vector product keeps in registers: eleven of the sixteen that are 256 bits wide.
+/// The last panel holds the remaining rows, in whole registers.
 const PANEL: usize = 44;
 const REGISTER: usize = 4;
 
-/// dof rows with what fills up the last register.
+/// Rounds `dof` rows up to whole registers.
 fn padded(dof: usize) -> usize {
     dof.next_multiple_of(REGISTER)
 }
 
 /// Linear forces over a patch of m nodes.
 ///
-/// \[K D\] is stored in panels of up to 44 rows, each column by column, so that the product
-/// streams through memory once and the compiler can vectorise over rows. Without dampers and drag
-/// there is no D.
+/// \[K D\] is stored in panels of up to 44 rows, each column by column, so that the product streams through memory once
+/// and the compiler can vectorise over rows. Without dampers and drag there is no D.
 ///
 /// ```
 /// use stickslip::{local::linearization::LinearForces, model::springs::TangentKind};
@@ -38,7 +37,7 @@ fn padded(dof: usize) -> usize {
 /// assert_eq!(linear.offset_len(), 2 * dof); // there are dampers, hence a D
 /// assert!((0..dof).all(|i| (0..i).all(|j| linear.entry(i, j) == linear.entry(j, i)))); // K is symmetric
 ///
-/// // One evaluation, and then one more node moved.
+/// // One evaluation, then the update for one displaced node.
 /// let (mut offset, mut f) = (vec![0.0; linear.offset_len()], vec![Vec3::zeros(); x.len()]);
 /// linear.evaluate(0.0, &x, &v, &mut offset, &mut f);
 /// let delta = Vec3::new(1e-4, 0.0, -2e-4);
@@ -51,16 +50,16 @@ fn padded(dof: usize) -> usize {
 /// ```
 #[derive(Debug, Clone)]
 pub struct LinearForces {
-    /// 3m.
+    /// Number of rows, 3m.
     dof: usize,
-    /// 3m, or 6m with D.
+    /// Number of columns: 3m, or 6m with D.
     columns: usize,
     panels: Vec<f64>,
-    /// Padded as the panels.
+    /// Forces f₀, N, padded like the panels.
     f0: Vec<f64>,
     x0: Vec<Vec3>,
     v0: Vec<Vec3>,
-    /// K_LE v_E₀, N/s, under a drifting exterior.
+    /// Force rate K_LE v_E₀, N/s, under a drifting exterior.
     drift: Option<Vec<Vec3>>,
 }
 
@@ -124,13 +123,13 @@ impl LinearForces {
         forces
     }
 
-    /// C(x − x₀) alone: what a condensed exterior adds to springs that stay nonlinear.
+    /// Builds C(x − x₀) alone, which a condensed exterior adds to springs that stay nonlinear.
     ///
     /// ```
     /// use nalgebra::DMatrix;
     /// use stickslip::{Vec3, local::linearization::LinearForces};
     ///
-    /// // Two nodes, each held by what follows it with 10 N/m; then another 5 N/m come in.
+    /// // Two nodes, each held by an exterior of 10 N/m; then another 5 N/m are added.
     /// let x0 = [Vec3::zeros(), Vec3::x()];
     /// let mut forces = LinearForces::following(&x0, &(DMatrix::identity(6, 6) * -10.0));
     /// forces.add_stiffness(&(DMatrix::identity(6, 6) * -5.0));
@@ -155,7 +154,7 @@ impl LinearForces {
         forces
     }
 
-    /// K becomes K + C.
+    /// Adds C to K.
     pub fn add_stiffness(&mut self, c: &DMatrix<f64>) {
         for column in 0..self.dof {
             for row in 0..self.dof {
@@ -183,12 +182,13 @@ impl LinearForces {
         first * self.columns + column * (self.f0.len() - first).min(PANEL) + row - first
     }
 
-    /// Entry of \[K D\], N/m or N·s/m.
+    /// Returns an entry of \[K D\], N/m or N·s/m.
     pub fn entry(&self, row: usize, column: usize) -> f64 {
         if column < self.columns { self.panels[self.position(row, column)] } else { 0.0 }
     }
 
-    /// Another affine map of (x, v, t) about the same state: constant + by_x (x − x₀) + by_v (v − v₀) + growth (t − t_k).
+    /// Returns another affine map of (x, v, t) about this state:
+    /// constant + by_x (x − x₀) + by_v (v − v₀) + growth (t − t_k).
     pub(super) fn with_coefficients(
         &self,
         constant: &DVector<f64>,
@@ -213,17 +213,17 @@ impl LinearForces {
         map
     }
 
-    /// x₀ and v₀.
+    /// Returns x₀, m, and v₀, m/s.
     pub(super) fn start(&self) -> (&[Vec3], &[Vec3]) {
         (&self.x0, &self.v0)
     }
 
-    /// f₀, 3m values.
+    /// Returns f₀, N, as 3m values.
     pub(super) fn constant(&self) -> &[f64] {
         &self.f0[..self.dof]
     }
 
-    /// K_LE v_E₀, N/s, under a drifting exterior.
+    /// Returns K_LE v_E₀, N/s, under a drifting exterior.
     pub(super) fn drift(&self) -> Option<&[Vec3]> {
         self.drift.as_deref()
     }
@@ -234,13 +234,13 @@ impl LinearForces {
         self.panels.iter().chain(&self.f0).chain(drift).all(|entry| entry.is_finite())
     }
 
-    /// How long the argument of [`evaluate`](Self::evaluate)'s `offset` is: 3m, or 6m with D.
+    /// Length of the argument `offset` of [`evaluate`](Self::evaluate): 3m, or 6m with D.
     pub fn offset_len(&self) -> usize {
         self.columns
     }
 
-    /// The forces at (x, v), `elapsed` seconds after the state the model was built from.
-    /// `offset` is scratch of [`offset_len`](Self::offset_len).
+    /// Evaluates the forces at (x, v), N, `elapsed` seconds after the state the model was built from. `offset` is a
+    /// workspace of length [`offset_len`](Self::offset_len).
     pub fn evaluate(&self, elapsed: f64, x: &[Vec3], v: &[Vec3], offset: &mut [f64], f: &mut [Vec3]) {
         let m = self.dof / 3;
         let (dx, dv) = offset.split_at_mut(self.dof);
@@ -254,8 +254,7 @@ impl LinearForces {
         }
     }
 
-    /// f = f₀ + \[K D\] z, with the widest vector instructions that the machine has. The result does not depend on
-    /// them.
+    /// Computes f = f₀ + \[K D\] z with the machine's widest vector instructions. The result does not depend on them.
     fn multiply_add(&self, z: &[f64], f: &mut [f64]) {
         vectorize(
             Arch::new(),
@@ -268,14 +267,14 @@ impl LinearForces {
         );
     }
 
-    /// Panels of \[K D\] with the rows of f₀ beside them.
+    /// Returns the panels of \[K D\] with the matching rows of f₀.
     #[inline(always)]
     fn panels(&self) -> impl Iterator<Item = (&[f64], &[f64])> {
         // Without rows there are no columns, and nothing to divide.
         self.panels.chunks((PANEL * self.columns).max(1)).zip(self.f0.chunks(PANEL))
     }
 
-    /// Adds what moving some nodes changes, each given as its slot and δ: f += Σ K_(·,slot) δ.
+    /// Adds the effect of displaced nodes, each given as its slot and δ, m: f += Σ K_(·,slot) δ.
     pub fn add_displacements(&self, moved: impl Iterator<Item = (usize, Vec3)>, f: &mut [Vec3]) {
         let f: &mut [f64] = bytemuck::cast_slice_mut(&mut f[..self.dof / 3]);
         vectorize(
@@ -297,7 +296,7 @@ impl LinearForces {
     }
 }
 
-/// f = f₀ + panel z, in registers for every width that a panel may have.
+/// Computes f = f₀ + panel z, in registers for every width that a panel may have.
 #[inline(always)]
 fn multiply_panel(panel: &[f64], f0: &[f64], z: &[f64], f: &mut [f64]) {
     macro_rules! by_width {

@@ -1,4 +1,5 @@
-//! The local model that the haptic loop runs: the patch, its linear forces, the exterior model, and its own integrators.
+//! The local model that the haptic loop runs: the patch, its linear forces, the exterior model, and its own
+//! integrators.
 
 pub mod coarse;
 pub mod condensation;

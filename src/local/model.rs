@@ -1,9 +1,9 @@
-//! The local model: what the global side hands down once a cycle, and the state the haptic loop
-//! carries from tick to tick.
+//! The local model that the global side hands over once a cycle, and the state that the haptic loop carries from tick
+//! to tick.
 
 use std::sync::Arc;
 
-use super::condensation::{Condensation, CondensationCounts, Condensed, CondensedSize, Condenser, Outcome};
+use super::condensation::{Condensation, CondensationCounts, CondensationOutcome, Condensed, CondensedSize, Condenser};
 use super::error::ModelError;
 use super::linearization::LinearForces;
 use super::patch::{Extent, OUTSIDE, Patch, PatchSelector};
@@ -16,25 +16,25 @@ use crate::model::work::WorkCounts;
 use crate::surface::geometry::{ContactGeometry, SurfaceModel};
 use crate::surface::tree::{Boxes, TriangleTree};
 
-/// Which approximation of the network the haptic loop runs.
+/// Settings of the local model that the haptic loop runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LocalSettings {
-    /// How far the patch reaches.
+    /// Extent of the patch.
     pub extent: Extent,
-    /// Linear or spring forces.
+    /// Linear or nonlinear forces.
     pub linearization: Linearization,
-    /// What the rest of the network does meanwhile.
+    /// Model of the exterior between hand-overs.
     pub exterior: ExteriorKind,
 }
 
 impl LocalSettings {
-    /// `model = "full"`: the whole nonlinear network at the local rate, the reference.
+    /// The reference `model = "full"`: the whole nonlinear network at the local rate.
     pub const FULL: Self =
         Self { extent: Extent::All, linearization: Linearization::None, exterior: ExteriorKind::Fixed };
 }
 
 impl Default for LocalSettings {
-    /// The paper's: one ring with its exact tangent, in an exterior that stays where it is.
+    /// Returns the paper's model: one ring with its exact tangent, in a fixed exterior.
     fn default() -> Self {
         Self {
             extent: Extent::Rings(1),
@@ -44,27 +44,27 @@ impl Default for LocalSettings {
     }
 }
 
-/// How the forces on the patch are computed.
+/// Computation of the forces on the patch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Linearization {
-    /// f₀ + K(x − x₀) + D(v − v₀), (3)–(4).
+    /// Tangent forces f₀ + K(x − x₀) + D(v − v₀), (3)–(4).
     Tangent(TangentKind),
-    /// The springs of the patch stay nonlinear.
+    /// Nonlinear springs, without linearisation.
     None,
 }
 
-/// What the nodes outside the patch do until the next hand-over.
+/// Model of the nodes outside the patch until the next hand-over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ExteriorKind {
-    /// They stay at x₀ with velocity zero (the paper).
+    /// Fixed at x₀ with velocity zero (the paper).
     Fixed,
-    /// They move on from x₀ at their velocity v_E₀.
+    /// Drifting from x₀ at the velocity v_E₀.
     Drifting,
-    /// They follow the patch quasi-statically.
+    /// Statically condensed: the exterior follows the patch quasi-statically.
     Condensed(Condensation),
 }
 
-/// The exterior as a local model holds it.
+/// The exterior as stored in a local model.
 #[derive(Debug, Clone)]
 pub struct Exterior {
     /// Position of each boundary node of the patch when the model was built, m.
@@ -77,7 +77,7 @@ pub struct Exterior {
 #[derive(Debug, Clone)]
 enum Motion {
     Still,
-    /// Velocities of the same nodes, m/s, and the largest speed among the vertices.
+    /// Velocities of the boundary nodes and of the vertices, m/s, and the largest speed among the vertices.
     Drifting {
         boundary: Vec<Vec3>,
         vertices: Vec<Vec3>,
@@ -85,7 +85,7 @@ enum Motion {
     },
 }
 
-/// The constant model of one cycle. Times are seconds since the state it was built from.
+/// The constant model of one cycle. Times count from the state it was built from, in s.
 ///
 /// ```
 /// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
@@ -96,7 +96,7 @@ enum Motion {
 /// model.evaluate_forces(0.0, &mut state);
 /// assert!(state.f[..model.patch.len()].iter().all(|f| f.norm() < 1e-12)); // at rest
 ///
-/// // A node moved by 1 µm: the change of the forces is a column of K, and ½δᵀKδ is stored.
+/// // If a node moves by 1 µm, the forces change by a column of K, and ½δᵀKδ is stored.
 /// let moved = Vec3::z() * 1e-6;
 /// state.x[0] += moved;
 /// model.update_forces(0.0, &mut state, [(0, moved)].into_iter());
@@ -109,7 +109,7 @@ enum Motion {
 /// assert_eq!(model.reach(&state.x, 0.0), (state.x[0] - model.patch.rest[0]).norm());
 /// assert_eq!((model.drift(1.0), model.gravitational_energy(&state.x)), (0.0, 0.0)); // fixed exterior, no gravity
 ///
-/// // Its kinetic energy goes into dampers.
+/// // The dampers take up its kinetic energy.
 /// state.v[0] = Vec3::z();
 /// assert_eq!(model.kinetic_energy(&state.v), 0.5 * model.patch.mass[0]);
 /// assert!(model.dissipated_power(&state.x, &state.v) > 0.0);
@@ -117,36 +117,36 @@ enum Motion {
 /// ```
 #[derive(Debug, Clone)]
 pub struct LocalModel {
-    /// Nodes and springs.
+    /// Nodes and springs of the patch.
     pub patch: Patch,
-    /// Boxes around the surface's triangles when the model was built: narrower than boxes for a whole run could be.
+    /// Boxes around the surface's triangles when the model was built, narrower than boxes for a whole run would be.
     pub boxes: Boxes,
-    /// Where the patch's nodes were at time zero, m.
+    /// Positions of the patch's nodes at time zero, m.
     start: Vec<Vec3>,
     exterior: Exterior,
     forces: LocalForces,
-    /// The tick of an integrator that solves the linear model as a whole.
+    /// One tick of an integrator that solves the linear model as a whole.
     pub step: Option<LinearStep>,
     external: Vec<ExternalForce>,
-    /// What became of a condensed exterior, and what it took.
-    pub condensation: Option<(Outcome, CondensedSize)>,
+    /// Outcome of the static condensation, and size of its system.
+    pub condensation: Option<(CondensationOutcome, CondensedSize)>,
 }
 
 #[derive(Debug, Clone)]
 enum LocalForces {
     Tangent(LinearForces),
     Springs,
-    /// Springs, and C(x − x₀) of a condensed exterior.
+    /// Nonlinear springs, and C(x − x₀) of a condensed exterior.
     SpringsAnd(LinearForces),
 }
 
-/// What moves: one entry per patch slot, then one per boundary slot.
+/// State of a local model: one entry per patch slot, then one per boundary slot.
 ///
 /// ```
 /// use stickslip::local::{model::LocalSettings, patch::Extent};
 /// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
 ///
-/// // A larger patch takes over from a smaller one: nodes of both go on from where they are.
+/// // A larger patch takes over from a smaller one; nodes of both go on from their positions.
 /// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
 /// let before = Simulation::prepare(&scene)?.into_sides().servo.into_local();
 /// let two_rings = LocalSettings { extent: Extent::Rings(2), ..scene.local() };
@@ -172,13 +172,13 @@ pub struct LocalState {
     pub x_predicted: Vec<Vec3>,
     /// Predicted velocities (11), m/s.
     pub v_predicted: Vec<Vec3>,
-    /// Scratch of collision detection: positions within a tick, m. Empty where it needs none.
+    /// Workspace of collision detection: positions within a tick, m. Empty if none is needed.
     pub x_between: Vec<Vec3>,
-    /// Answer of the patch to the contact, where the model has a [`LinearStep`].
+    /// Response of the patch to the contact, if the model has a [`LinearStep`].
     pub response: ContactResponse,
-    /// Scratch of the linear forces.
+    /// Workspace of the linear forces.
     offset: Vec<f64>,
-    /// What was computed to get here.
+    /// Counts of the work done so far.
     pub work: WorkCounts,
 }
 
@@ -203,7 +203,7 @@ pub struct LocalState {
 /// let mut builder = LocalModelBuilder::new(network, surface, settings)
 ///     .with_integrator(LocalIntegrator::ImplicitEuler, scene.tick_s());
 ///
-/// // The whole network sinks with 10 mm/s: so does the exterior of its model.
+/// // The whole network sinks at 10 mm/s, and with it the exterior of its model.
 /// let mut sinking = network.rest_state();
 /// sinking.v.fill(Vec3::new(0.0, 0.0, -0.01));
 /// let (model, mut state) = builder.build(network, &sinking, Vec3::zeros(), None)?;
@@ -225,14 +225,14 @@ pub struct LocalModelBuilder {
     selector: PatchSelector,
     condenser: Option<Condenser>,
     integrator: LocalIntegrator,
-    /// h, s.
-    tick: f64,
+    /// Tick length h, s.
+    tick_s: f64,
     /// Whether models have no patch.
     is_without_patch: bool,
 }
 
 impl LocalModelBuilder {
-    /// Prepares what is the same in every cycle.
+    /// Prepares the parts that every cycle shares.
     pub fn new(network: &Network, surface: SurfaceModel, settings: LocalSettings) -> Self {
         let tree = Arc::new(TriangleTree::new(&surface.topology, &network.rest));
         let selector = PatchSelector::new(network, &surface.topology);
@@ -241,33 +241,33 @@ impl LocalModelBuilder {
             ExteriorKind::Fixed | ExteriorKind::Drifting => None,
         };
         let integrator = LocalIntegrator::SemiImplicitEuler;
-        Self { settings, surface, tree, selector, condenser, integrator, tick: 0.0, is_without_patch: false }
+        Self { settings, surface, tree, selector, condenser, integrator, tick_s: 0.0, is_without_patch: false }
     }
 
-    /// The same with ticks of `tick` seconds by this integrator. Without it, models are for the explicit one.
-    pub fn with_integrator(self, integrator: LocalIntegrator, tick: f64) -> Self {
-        Self { integrator, tick, ..self }
+    /// Sets the integrator and its tick length, s. By default models are built for the explicit integrator.
+    pub fn with_integrator(self, integrator: LocalIntegrator, tick_s: f64) -> Self {
+        Self { integrator, tick_s, ..self }
     }
 
-    /// The same without a patch: models say where the surface is, and nothing moves. A renderer of one's own does the rest.
+    /// Builds models without a patch: they locate the surface, and nothing moves. A custom renderer does the rest.
     pub fn without_patch(self) -> Self {
         let settings = LocalSettings::FULL;
         let integrator = LocalIntegrator::SemiImplicitEuler;
         Self { settings, condenser: None, integrator, is_without_patch: true, ..self }
     }
 
-    /// The contact surface.
+    /// Returns the contact surface.
     pub fn surface(&self) -> &SurfaceModel {
         &self.surface
     }
 
-    /// What became of the models so far, if their exterior is condensed.
+    /// Returns the condensation outcomes so far, if the exterior is condensed.
     pub fn condensation(&self) -> Option<CondensationCounts> {
         self.condenser.as_ref().map(Condenser::counts)
     }
 
-    /// The model of the network at `state` around `point` (the contact point, or the tip where
-    /// there is no contact), and that model's own state.
+    /// Builds the model of the network at `state` around `point` (the contact point, or the tip if there is no
+    /// contact), and that model's own state.
     ///
     /// # Errors
     /// If the integrator's equations have no solution.
@@ -287,7 +287,7 @@ impl LocalModelBuilder {
         };
         let of = |values: &[Vec3], nodes: &[u32]| nodes.iter().map(|&node| values[node as usize]).collect::<Vec<_>>();
         let motion = match self.settings.exterior {
-            // For collision and normals a condensed exterior stays where it starts.
+            // For collision and normals a condensed exterior stays at its initial position.
             ExteriorKind::Fixed | ExteriorKind::Condensed(_) => Motion::Still,
             ExteriorKind::Drifting => {
                 let vertices = of(&state.v, &surface.vertex_node);
@@ -315,7 +315,7 @@ impl LocalModelBuilder {
                     Motion::Still => None,
                     Motion::Drifting { boundary, .. } => Some(boundary.as_slice()),
                 };
-                // K goes the way of C.
+                // K uses the same kind of tangent as C.
                 let kind = condensed.as_ref().map_or(kind, |condensed| condensed.tangent);
                 let mut linear = LinearForces::new(&patch, &network.external, &x, &v, drift, kind);
                 stiffness.into_iter().for_each(|c| linear.add_stiffness(c));
@@ -347,13 +347,13 @@ impl LocalModelBuilder {
             external: network.external.clone(),
             condensation: condensed.map(|Condensed { outcome, size, .. }| (outcome, size)),
         };
-        model.integrated(state, self.integrator, self.tick)
+        model.integrated(state, self.integrator, self.tick_s)
     }
 }
 
 impl LocalModel {
-    /// The same model and state for ticks of `tick` seconds by this integrator. Nonlinear forces take the explicit
-    /// one only.
+    /// Returns this model and its state for ticks of `tick_s` seconds by this integrator. Nonlinear forces allow only the
+    /// explicit one.
     ///
     /// # Errors
     /// If the integrator's equations have no solution.
@@ -365,7 +365,7 @@ impl LocalModel {
     /// let local = Simulation::prepare(&scene)?.into_sides().servo.into_local();
     /// let (model, mut state) = (local.model().clone(), local.state().clone());
     /// state.v[0] = Vec3::z();
-    /// // A second in one tick: implicit Euler brings it to rest where an explicit step would have thrown it away.
+    /// // With one second per tick, implicit Euler brings it to rest; an explicit step would diverge.
     /// let (model, mut state) = model.integrated(state, LocalIntegrator::ImplicitEuler, 1.0)?;
     /// let step = model.step.as_ref().expect("it has one now");
     /// model.predict(step, 0.0, &mut state);
@@ -376,11 +376,11 @@ impl LocalModel {
         mut self,
         mut state: LocalState,
         integrator: LocalIntegrator,
-        tick: f64,
+        tick_s: f64,
     ) -> Result<(Self, LocalState), ModelError> {
         let (step, offset) = match &self.forces {
             LocalForces::Tangent(linear) => {
-                let step = LinearStep::new(integrator, linear, &self.patch.mass, tick)?;
+                let step = LinearStep::new(integrator, linear, &self.patch.mass, tick_s)?;
                 let offset = step.as_ref().map_or(linear.offset_len(), LinearStep::offset_len);
                 (step, offset)
             }
@@ -394,7 +394,7 @@ impl LocalModel {
         Ok((self, state))
     }
 
-    /// K and D of a model whose forces are linear.
+    /// Returns K and D of a model with linear forces.
     pub fn linear_forces(&self) -> Option<&LinearForces> {
         match &self.forces {
             LocalForces::Tangent(linear) => Some(linear),
@@ -402,7 +402,7 @@ impl LocalModel {
         }
     }
 
-    /// f(x, v) into `state.f`, at `elapsed` seconds.
+    /// Evaluates f(x, v) into `state.f`, N, at `elapsed` seconds.
     pub fn evaluate_forces(&self, elapsed: f64, state: &mut LocalState) {
         let LocalState { x, v, f, offset, work, .. } = state;
         match &self.forces {
@@ -433,14 +433,14 @@ impl LocalModel {
         }
     }
 
-    /// x* and v* of a free tick by the model's own step, from a tick's start at `elapsed` seconds.
+    /// Predicts x* and v* of a free tick by the model's own step, from a tick's start at `elapsed` seconds.
     pub fn predict(&self, step: &LinearStep, elapsed: f64, state: &mut LocalState) {
         let LocalState { x, v, x_predicted, v_predicted, offset, work, .. } = state;
         step.predict(elapsed, [x, v], offset, [x_predicted, v_predicted]);
         work.matrix_products += step.products();
     }
 
-    /// Brings `state.f` up to date after the nodes in `moved` were displaced by the given amounts.
+    /// Updates `state.f` after the nodes in `moved` were displaced by the given amounts, m.
     pub fn update_forces(&self, elapsed: f64, state: &mut LocalState, moved: impl Iterator<Item = (usize, Vec3)>) {
         match &self.forces {
             LocalForces::Tangent(linear) => {
@@ -451,7 +451,7 @@ impl LocalModel {
         }
     }
 
-    /// Moves the boundary entries of `x` to where the exterior is at `elapsed` seconds.
+    /// Moves the boundary entries of `x` to the exterior's positions at `elapsed` seconds.
     pub fn place_boundary(&self, elapsed: f64, x: &mut [Vec3]) {
         if let Motion::Drifting { boundary, .. } = &self.exterior.motion {
             let positions = self.exterior.boundary.iter().zip(boundary);
@@ -461,7 +461,7 @@ impl LocalModel {
         }
     }
 
-    /// Where a surface vertex is, given the patch's positions at `elapsed` seconds.
+    /// Returns the position of a surface vertex, m, from the patch's positions at `elapsed` seconds.
     #[inline]
     pub fn vertex(&self, vertex: u32, x: &[Vec3], elapsed: f64) -> Vec3 {
         let slot = self.patch.vertex_slot[vertex as usize];
@@ -475,14 +475,14 @@ impl LocalModel {
         }
     }
 
-    /// How far, m, a vertex may be from where it was when the model was built, given the patch's
-    /// positions at `elapsed` seconds.
+    /// Largest possible distance of a vertex from its position when the model was built, m, from the patch's positions
+    /// at `elapsed` seconds.
     pub fn reach(&self, x: &[Vec3], elapsed: f64) -> f64 {
         let moved = self.start.iter().zip(x).map(|(start, x)| (x - start).norm_squared()).fold(0.0, f64::max).sqrt();
         moved.max(self.drift(elapsed))
     }
 
-    /// How far, m, the exterior's surface moves in `time` seconds, at most.
+    /// Largest motion of the exterior's surface in `time` seconds, m.
     pub fn drift(&self, time: f64) -> f64 {
         match &self.exterior.motion {
             Motion::Still => 0.0,
@@ -490,25 +490,25 @@ impl LocalModel {
         }
     }
 
-    /// ½ Σ k(ℓ − L)² over the springs of the patch, J.
+    /// Elastic energy of the patch's springs, ½ Σ k(ℓ − L)², J.
     pub fn elastic_energy(&self, x: &[Vec3]) -> f64 {
         self.patch.springs.elastic_energy(x)
     }
 
-    /// Energy of the patch's nodes in the gravity field, zero at z = 0 of a downward g, J.
+    /// Gravitational energy of the patch's nodes, J, zero at z = 0 for a downward g.
     pub fn gravitational_energy(&self, x: &[Vec3]) -> f64 {
         let nodes = || self.patch.mass.iter().zip(x);
-        // Not `sum()`, whose empty value is −0.
+        // `sum()` of nothing would be −0.
         let of = |force: &ExternalForce| nodes().fold(0.0, |sum, (mass, x)| sum + force.potential(*mass, x));
         self.external.iter().fold(0.0, |sum, force| sum + of(force))
     }
 
-    /// ½ Σ m v², J.
+    /// Kinetic energy ½ Σ m v², J.
     pub fn kinetic_energy(&self, v: &[Vec3]) -> f64 {
         self.patch.mass.iter().zip(v).map(|(m, v)| 0.5 * m * v.norm_squared()).sum()
     }
 
-    /// Power taken out by dampers and drag, W.
+    /// Power dissipated by dampers and drag, W.
     pub fn dissipated_power(&self, x: &[Vec3], v: &[Vec3]) -> f64 {
         let drag = |force: &ExternalForce| match force {
             ExternalForce::Gravity(_) => 0.0,
@@ -519,8 +519,7 @@ impl LocalModel {
 }
 
 impl LocalState {
-    /// Takes over positions and velocities of the nodes that the state before had as well, and the
-    /// count of what was computed.
+    /// Takes over positions and velocities of the nodes that the state before also had, and the counts of its work.
     pub fn carry_over(&mut self, patch: &Patch, before: &LocalState, patch_before: &Patch) {
         self.work = before.work;
         let mut old = 0;

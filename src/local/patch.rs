@@ -1,20 +1,20 @@
-//! Which part of the network the local model takes: a centre, some rings of springs around it,
-//! and the triangle in contact.
+//! The part of the network that the local model covers: a centre, some rings of springs around it, and the triangle in
+//! contact.
 
 use crate::Vec3;
 use crate::model::network::Network;
 use crate::model::springs::{Spring, Springs};
 use crate::model::topology::Surface;
 
-/// In [`Patch::vertex_slot`]: this surface vertex is not in the patch.
+/// Entry in [`Patch::vertex_slot`] of a surface vertex that is not in the patch.
 pub const OUTSIDE: u32 = u32::MAX;
 
-/// How far a patch reaches.
+/// Extent of a patch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Extent {
-    /// Nodes within this many springs of the centre.
+    /// All nodes within this many springs of the centre.
     Rings(u32),
-    /// Every free node.
+    /// All free nodes.
     All,
 }
 
@@ -22,17 +22,17 @@ pub enum Extent {
 /// `m..m + boundary.len()` are the exterior nodes that a patch spring ends on.
 #[derive(Debug, Clone)]
 pub struct Patch {
-    /// The node that rings are counted from; none if the patch takes every node, or none is free.
+    /// Node that rings are counted from; `None` if the patch takes every node, or no node is free.
     pub centre: Option<u32>,
     /// The m free nodes, ascending.
     pub nodes: Vec<u32>,
     /// Exterior nodes at the far end of a patch spring, ascending.
     pub boundary: Vec<u32>,
-    /// Every spring with at least one end in the patch, between slots.
+    /// All springs with at least one end in the patch, between slots.
     pub springs: Springs,
     /// Mass of each patch node, kg.
     pub mass: Vec<f64>,
-    /// Its inverse.
+    /// Inverse mass of each patch node, 1/kg.
     pub inverse_mass: Vec<f64>,
     /// Rest position of each patch node, m.
     pub rest: Vec<Vec3>,
@@ -41,24 +41,24 @@ pub struct Patch {
 }
 
 impl Patch {
-    /// m, the number of free nodes.
+    /// Number of free nodes m.
     pub fn len(&self) -> usize {
         self.nodes.len()
     }
 
-    /// The node of a slot, of the patch or its boundary.
+    /// Returns the node of a slot, of the patch or its boundary.
     pub fn node(&self, slot: usize) -> u32 {
         if slot < self.len() { self.nodes[slot] } else { self.boundary[slot - self.len()] }
     }
 
-    /// Whether no node is free.
+    /// Whether the patch has no free node.
     pub fn is_empty(&self) -> bool {
         self.nodes.is_empty()
     }
 }
 
-/// Selects patches. Beyond the patch itself a selection costs a look at every surface vertex: to find
-/// the nearest, and to say which are in.
+/// Selects patches. Besides the patch itself a selection visits every surface vertex: to find the nearest, and to
+/// record which are in the patch.
 ///
 /// ```
 /// use stickslip::local::patch::{Extent, OUTSIDE, PatchSelector};
@@ -74,9 +74,9 @@ impl Patch {
 /// let ring = select(Extent::Rings(1));
 /// assert_eq!(ring.len(), 1 + 8 + 5);
 /// assert!(ring.boundary.iter().all(|node| !ring.nodes.contains(node)));
-/// assert_eq!(ring.node(ring.len()), ring.boundary[0]); // slots go on with the boundary
+/// assert_eq!(ring.node(ring.len()), ring.boundary[0]); // boundary slots follow
 /// assert_eq!(ring.vertex_slot.iter().filter(|&&slot| slot != OUTSIDE).count(), 9);
-/// // All of it is what can move.
+/// // All of it means every node that can move.
 /// let all = select(Extent::All);
 /// assert_eq!(all.len(), network.fixed.iter().filter(|&&fixed| !fixed).count());
 /// assert!(!all.is_empty() && all.centre.is_none());
@@ -89,7 +89,7 @@ pub struct PatchSelector {
 }
 
 impl PatchSelector {
-    /// A selector for one network and its surface.
+    /// Builds a selector for one network and its surface.
     pub fn new(network: &Network, surface: &Surface) -> Self {
         let mut vertex_of_node = vec![OUTSIDE; network.node_count()];
         for (vertex, &node) in surface.vertex_node.iter().enumerate() {
@@ -98,9 +98,9 @@ impl PatchSelector {
         Self { slot: vec![OUTSIDE; network.node_count()], vertex_of_node }
     }
 
-    /// The patch around a point of the surface: the free surface node nearest to it (lowest index
-    /// on a tie), what lies within the extent of that, and the vertices that the contact rests on.
-    /// Rings may pass through fixed nodes; these are then left out.
+    /// Selects the patch around a point of the surface: the free surface node nearest to it (lowest index on a tie),
+    /// the nodes within the extent of that node, and the vertices that carry the contact. Rings may pass through fixed
+    /// nodes, which the patch then omits.
     pub fn select(
         &mut self,
         network: &Network,
@@ -129,12 +129,12 @@ impl PatchSelector {
         self.assemble(network, surface, centre, nodes)
     }
 
-    /// The patch without nodes.
+    /// Returns the patch without nodes.
     pub fn none(&mut self, network: &Network, surface: &Surface) -> Patch {
         self.assemble(network, surface, None, Vec::new())
     }
 
-    /// Breadth first from the centre, one ring after the other.
+    /// Collects nodes breadth first from the centre, one ring after the other.
     fn rings(&mut self, network: &Network, centre: u32, rings: u32, nodes: &mut Vec<u32>) {
         nodes.push(centre);
         self.slot[centre as usize] = 0;
@@ -176,7 +176,7 @@ impl PatchSelector {
             let slot = self.slot[node as usize];
             for link in network.links(node) {
                 let other = self.slot[link.other as usize];
-                // A spring inside the patch is seen from both ends; take it from the lower one.
+                // A spring inside the patch is seen from both ends; it is taken from the lower one.
                 if other > slot {
                     springs.push(Spring { nodes: [slot, other], ..link.spring });
                 }

@@ -1,23 +1,24 @@
-//! Steps of the linear model as a whole: implicit Euler, the implicit midpoint rule, and the exact solution.
+//! Integration steps of the linear model as a whole: implicit Euler, the implicit midpoint rule, and the exact
+//! solution.
 //!
 //! Between two hand-overs the linear model is M v̇ = f₀ + K(x − x₀) + D(v − v₀) + (t − t_k) g + F, ẋ = v, with
 //! g = K_LE v_E₀ under a drifting exterior and F the contact's force, Λ/h over one tick. A free tick is then an affine
-//! map of (x, v, t), built once with the model, and a tick with contact adds the answer to Λ:
+//! map of (x, v, t), built once with the model, and a tick with contact adds the response to Λ:
 //! v = v* + A⁻¹WᵀΛ, x = x* + XWᵀΛ. With (x₋, v₋) the state before the tick and t its start:
 //!
 //! - *Implicit Euler*, forces at the tick's end: M(v − v₋) = h f(x₋ + hv, v, t + h) + Λ. Collecting v,
 //!   A = M − hD − h²K; x = x₋ + hv, so X = hA⁻¹.
-//! - *Implicit midpoint*, forces in its middle: M(v − v₋) = h f(x₋ + h(v₋ + v)/4, (v₋ + v)/2, t + h/2) + Λ.
+//! - *Implicit midpoint*, forces in the tick's middle: M(v − v₋) = h f(x₋ + h(v₋ + v)/4, (v₋ + v)/2, t + h/2) + Λ.
 //!   Collecting v, A = M − hD/2 − h²K/4; x = x₋ + h(v₋ + v)/2, so X = hA⁻¹/2.
-//! - *Exponential*: with y = (x/h, v) it is ẏ = Zy/h + …, Z = \[0 I; a d\], a = h²M⁻¹K, d = hM⁻¹D. A force that is
-//!   constant over the tick adds φ₁(Z)(0; hM⁻¹F) to y, φ₁(Z) = ∫₀¹ e^{sZ} ds. With P and Q the blocks of
-//!   φ₁(Z)(0; I) and F = Λ/h: A⁻¹ = QM⁻¹ and X = hPM⁻¹. The force at the tick's start does the same, what it grows
-//!   by in the tick, h(t' − t)g, adds φ₂(Z)(0; h²M⁻¹g), and what the state differs from the model's start by goes to
-//!   e^Z of it.
+//! - *Exponential*: y = (x/h, v) obeys ẏ = Zy/h + …, Z = \[0 I; a d\], a = h²M⁻¹K, d = hM⁻¹D. A force that is constant
+//!   over the tick adds φ₁(Z)(0; hM⁻¹F) to y, φ₁(Z) = ∫₀¹ e^{sZ} ds. With P and Q the blocks of φ₁(Z)(0; I) and
+//!   F = Λ/h: A⁻¹ = QM⁻¹ and X = hPM⁻¹. The force at the tick's start enters in the same way; its growth within the
+//!   tick, h(t' − t)g, adds φ₂(Z)(0; h²M⁻¹g); and e^Z multiplies the difference of the state from the model's start.
 //!
-//! G = WA⁻¹Wᵀ is thus, for all three, what an impulse spread over the tick adds to the contact point's velocity at its
-//! end. It is positive for the first two where K is semidefinite. The exact one has sin(hω)/hω in every mode of frequency
-//! ω: it may vanish where hω > π, and the contact then finds no hold. A is not symmetric, since the damping part of K is not.
+//! For all three, G = WA⁻¹Wᵀ is thus the velocity that a unit impulse, spread over the tick, adds to the contact point
+//! at its end. It is positive for the first two where K is semidefinite. The exact one has sin(hω)/hω in every mode of
+//! frequency ω: it may vanish where hω > π, and then the contact cannot hold. A is not symmetric, since the damping
+//! part of K is not.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -27,17 +28,17 @@ use crate::surface::support::Support;
 use crate::word::words;
 use crate::{Mat3, Vec3};
 
-/// How the local model is integrated.
+/// Integrator of the local model.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum LocalIntegrator {
-    /// (11)–(12), for every model.
+    /// Semi-implicit Euler (11)–(12), for every model.
     #[default]
     SemiImplicitEuler,
-    /// First order, dissipative, stable at every step. Linear models only, as all that follow.
+    /// First order, dissipative, stable at every step. Like all that follow, it requires a linear model.
     ImplicitEuler,
-    /// Second order; keeps the energy of a linear model without dampers.
+    /// Second order; conserves the energy of a linear model without dampers.
     ImplicitMidpoint,
-    /// Exact for the linear model.
+    /// Exact solution of the linear model.
     Exponential,
 }
 
@@ -64,7 +65,7 @@ words!(LocalIntegrator { SemiImplicitEuler = "semi-implicit-euler", ImplicitEule
 /// step.predict(0.0, [&state.x, &state.v], &mut offset, [&mut x, &mut v]);
 /// assert!(v.iter().all(|v| v.norm() < 1e-12));
 ///
-/// // An impulse of 1 mN·s on one node moves it by G Λ; G is definite, and less than that of the mass alone.
+/// // An impulse of 1 mN·s on one node changes its velocity by GΛ; G is definite, and less than for the mass alone.
 /// let mut support = Support::with_capacity(1);
 /// support.set(Metric::Mass, [(0, 1.0, patch.inverse_mass[0])]);
 /// let mut response = ContactResponse::new(patch.len());
@@ -79,26 +80,27 @@ words!(LocalIntegrator { SemiImplicitEuler = "semi-implicit-euler", ImplicitEule
 /// ```
 #[derive(Debug, Clone)]
 pub struct LinearStep {
-    /// v* of (x, v, t).
+    /// Velocity v* as a map of (x, v, t).
     velocity: LinearForces,
     position: Position,
-    /// A⁻¹, 1/kg, in 3 × 3 blocks, column by column. As a whole: three columns for each node of a support are needed in
-    /// every tick of contact, and reading them takes 0.1 to 0.8 µs at 42 rows and 2.5 to 9 µs at 300, 14 to 105 times less than solving.
+    /// A⁻¹, 1/kg, in 3 × 3 blocks, column by column. It is stored in full: three columns for each node of a support are
+    /// needed in every tick of contact, and reading them takes 0.1 to 0.8 µs at 42 rows and 2.5 to 9 µs at 300, 14 to
+    /// 105 times less than solving.
     response: Vec<Mat3>,
-    /// ½ΔvᵀMΔv is what the step takes out of the energy.
+    /// Whether the step dissipates the energy ½ΔvᵀMΔv.
     dissipates: bool,
 }
 
-/// What a step does to positions.
+/// Update of the positions by a step.
 #[derive(Debug, Clone)]
 enum Position {
-    /// x = x₋ + old v₋ + new v, both in s.
+    /// Combination x = x₋ + old v₋ + new v, both factors in s.
     Along { old: f64, new: f64 },
-    /// x* of (x, v, t), and X, s/kg, in blocks as A⁻¹.
+    /// Map x* of (x, v, t), and X, s/kg, in blocks like A⁻¹.
     Own { map: LinearForces, response: Vec<Mat3> },
 }
 
-/// A⁻¹Wᵀ and XWᵀ of one contact point: a block per node of the patch.
+/// A⁻¹Wᵀ and XWᵀ of one contact point, one block per node of the patch.
 #[derive(Debug, Clone, Default)]
 pub struct ContactResponse {
     velocity: Vec<Mat3>,
@@ -112,12 +114,12 @@ struct Dense {
     f0: DVector<f64>,
     v0: DVector<f64>,
     x0: DVector<f64>,
-    /// g, N/s.
+    /// Force rate g, N/s.
     growth: DVector<f64>,
     mass: DVector<f64>,
 }
 
-/// An affine map of (x, v, t) in the making: constant + by_x (x − x₀) + by_v (v − v₀) + growth (t − t_k).
+/// An affine map of (x, v, t) under construction: constant + by_x (x − x₀) + by_v (v − v₀) + growth (t − t_k).
 struct Affine {
     constant: DVector<f64>,
     by_x: DMatrix<f64>,
@@ -126,7 +128,8 @@ struct Affine {
 }
 
 impl LinearStep {
-    /// The step of length h of a model with these forces and node masses; none for the explicit integrator.
+    /// Builds the step of length h, s, of a model with these forces and node masses; `None` for the explicit
+    /// integrator.
     ///
     /// # Errors
     /// If A has no inverse or the step is not finite.
@@ -149,12 +152,12 @@ impl LinearStep {
         }
     }
 
-    /// Length of the scratch that [`predict`](Self::predict) needs.
+    /// Length of the workspace that [`predict`](Self::predict) needs.
     pub fn offset_len(&self) -> usize {
         self.velocity.offset_len()
     }
 
-    /// Products with a 3m × 6m matrix in a free tick.
+    /// Number of products with a 3m × 6m matrix in a free tick.
     pub fn products(&self) -> u64 {
         match self.position {
             Position::Along { .. } => 1,
@@ -162,12 +165,12 @@ impl LinearStep {
         }
     }
 
-    /// Whether ½ΔvᵀMΔv is what a tick takes out of the energy, as in every Euler step.
+    /// Whether a tick dissipates the energy ½ΔvᵀMΔv, as every Euler step does.
     pub fn dissipates(&self) -> bool {
         self.dissipates
     }
 
-    /// x* and v* of a free tick that starts `elapsed` seconds after the state the model was built from.
+    /// Predicts x* and v* of a free tick that starts `elapsed` seconds after the state the model was built from.
     pub fn predict(
         &self,
         elapsed: f64,
@@ -187,7 +190,7 @@ impl LinearStep {
         }
     }
 
-    /// A⁻¹Wᵀ and XWᵀ of a contact point.
+    /// Computes A⁻¹Wᵀ and XWᵀ of a contact point.
     pub fn respond(&self, support: &Support, response: &mut ContactResponse) {
         let m = self.node_count();
         gather(&self.response, m, support, &mut response.velocity);
@@ -216,7 +219,7 @@ impl LinearStep {
     }
 }
 
-/// Σ_j w_j A⁻¹_(·,j) over the nodes of a support.
+/// Sums Σ_j w_j A⁻¹_(·,j) over the nodes of a support.
 fn gather(blocks: &[Mat3], m: usize, support: &Support, into: &mut [Mat3]) {
     into.fill(Mat3::zeros());
     for node in support.nodes() {
@@ -226,18 +229,18 @@ fn gather(blocks: &[Mat3], m: usize, support: &Support, into: &mut [Mat3]) {
 }
 
 impl ContactResponse {
-    /// For a patch of m nodes.
+    /// Allocates for a patch of m nodes.
     pub fn new(m: usize) -> Self {
         Self { velocity: vec![Mat3::zeros(); m], displacement: vec![Mat3::zeros(); m] }
     }
 
-    /// G = WA⁻¹Wᵀ, 1/kg, and WXWᵀ, s/kg.
+    /// Returns G = WA⁻¹Wᵀ, 1/kg, and WXWᵀ, s/kg.
     pub fn at_contact(&self, support: &Support) -> [Mat3; 2] {
         [&self.velocity, &self.displacement]
             .map(|blocks| support.nodes().iter().map(|node| blocks[node.slot] * node.weight).sum())
     }
 
-    /// v += A⁻¹WᵀΛ and x += XWᵀΛ', N·s.
+    /// Applies v += A⁻¹WᵀΛ and x += XWᵀΛ', with impulses in N·s.
     pub fn push(&self, [on_x, on_v]: [Vec3; 2], x: &mut [Vec3], v: &mut [Vec3]) {
         x.iter_mut().zip(&self.displacement).for_each(|(x, block)| *x += block * on_x);
         v.iter_mut().zip(&self.velocity).for_each(|(v, block)| *v += block * on_v);
@@ -260,9 +263,10 @@ impl Dense {
         }
     }
 
-    /// Forces at the share θ of the tick: 1 is implicit Euler, ½ the midpoint rule. With z = v₋ − v₀ and
-    /// v_θ = v₋ + θ(v − v₋), A v = Mv₋ + h\[f₀ + K(x₋ − x₀ + θh(1 − θ)v₋) + D((1 − θ)v₋ − v₀) + (t + θh − t_k)g\],
-    /// A = M − θhD − θ²h²K: x at θ is x₋ + θh v_θ. `None` if A is singular.
+    /// Builds the step with forces at the fraction θ of the tick: 1 is implicit Euler, ½ the midpoint rule. With
+    /// z = v₋ − v₀ and v_θ = v₋ + θ(v − v₋),
+    /// A v = Mv₋ + h\[f₀ + K(x₋ − x₀ + θh(1 − θ)v₋) + D((1 − θ)v₋ − v₀) + (t + θh − t_k)g\],
+    /// A = M − θhD − θ²h²K: x at θ is x₋ + θh v_θ. Returns `None` if A is singular.
     fn implicit(&self, forces: &LinearForces, h: f64, theta: f64) -> Option<LinearStep> {
         let mass = DMatrix::from_diagonal(&self.mass);
         let a = &mass - &self.d * (theta * h) - &self.k * (theta * theta * h * h);
@@ -298,7 +302,7 @@ impl Dense {
         let from_mass = |matrix: &DMatrix<f64>, scale: f64| {
             DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| matrix[(i, j)] * (scale / self.mass[j]))
         };
-        // Forces at the tick's start, N, on v and on x.
+        // Response of v and of x to forces at the tick's start.
         let (force_v, force_x) = (from_mass(&q, h), from_mass(&p, h * h));
         let velocity = Affine {
             constant: &force_v * &self.f0 + (block(1, 1) - &q * &d) * &self.v0 + growth_v,
@@ -327,31 +331,31 @@ impl Affine {
     }
 }
 
-/// 3 × 3 blocks, column of blocks by column of blocks.
+/// Splits a matrix into 3 × 3 blocks, one column of blocks after another.
 fn blocks(matrix: &DMatrix<f64>) -> Vec<Mat3> {
     let m = matrix.nrows() / 3;
     let block = |at: usize| matrix.fixed_view::<3, 3>(3 * (at % m), 3 * (at / m)).into_owned();
     (0..m * m).map(block).collect()
 }
 
-/// e^Z, φ₁(Z)(0; I) and φ₂(Z)(0; ĝ) for Z = \[0 I; a d\].
+/// The matrices e^Z, φ₁(Z)(0; I) and φ₂(Z)(0; ĝ) for Z = \[0 I; a d\].
 struct Phi {
     e: DMatrix<f64>,
     one: DMatrix<f64>,
     two: DVector<f64>,
 }
 
-/// Terms of the Taylor series: the first left out is below 2⁻⁵³ of the first for |Z| ≤ ½.
+/// Number of terms of the Taylor series: the first omitted is below 2⁻⁵³ of the first for |Z| ≤ ½.
 const TERMS: u32 = 14;
 
 impl Phi {
-    /// Taylor's series for Z/2^s, then s doublings: φ₂(2Z) = ¼(e^Z φ₂(Z) + φ₁(Z) + φ₂(Z)),
-    /// φ₁(2Z) = ½(e^Z φ₁(Z) + φ₁(Z)), e^{2Z} = e^Z e^Z. Neither is φ₁ taken from e^Z − I, which cancels in slow modes,
-    /// nor e^Z from I + φ₁Z: in fast ones every doubling would multiply its rounding by |Z|, which doubles itself.
+    /// Computes Taylor's series for Z/2^s, then s doublings: φ₂(2Z) = ¼(e^Z φ₂(Z) + φ₁(Z) + φ₂(Z)),
+    /// φ₁(2Z) = ½(e^Z φ₁(Z) + φ₁(Z)), e^{2Z} = e^Z e^Z. φ₁ is not taken from e^Z − I, which cancels in slow modes, nor
+    /// e^Z from I + φ₁Z: in fast modes every doubling would multiply its rounding by |Z|, which doubles itself.
     fn new(a: &DMatrix<f64>, d: &DMatrix<f64>, growth: &DVector<f64>) -> Self {
         let n = a.nrows();
         let identity = DMatrix::<f64>::identity(n, n);
-        // The norm of Z in the units of x in which its blocks are of one size.
+        // Norm of Z in units of x that give its blocks the same size.
         let size = row_sum(a).sqrt() + row_sum(d);
         let doublings = (2.0 * size).log2().ceil().clamp(0.0, f64::from(f64::MAX_EXP));
         let scale = (-doublings).exp2();
@@ -386,7 +390,7 @@ impl Phi {
     }
 }
 
-/// The largest sum of absolute values in a row.
+/// Largest row sum of absolute values.
 fn row_sum(matrix: &DMatrix<f64>) -> f64 {
     matrix.row_iter().map(|row| row.iter().map(|entry| entry.abs()).sum()).fold(0.0, f64::max)
 }

@@ -1,4 +1,4 @@
-//! What can be wrong with a mesh file, and what to do about it.
+//! Errors of mesh files, and advice on them.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use crate::model::topology::SurfaceError;
 
-/// A mesh file that cannot be used.
+/// Error of a mesh file that cannot be used.
 ///
 /// ```
 /// use std::path::Path;
@@ -29,7 +29,7 @@ impl MeshFileError {
         Self { path, flaw }
     }
 
-    /// What is wrong.
+    /// Returns the problem with the file.
     pub fn problem(&self) -> &MeshProblem {
         &self.flaw.problem
     }
@@ -48,14 +48,14 @@ impl From<MeshProblem> for Flaw {
     }
 }
 
-/// Where in a file.
+/// Place in a file.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Place {
-    /// In all of it.
+    /// The whole file.
     Anywhere,
-    /// Counted from 1.
+    /// Line, counted from 1.
     Line(usize),
-    /// Counted from 0.
+    /// Byte offset, counted from 0.
     Byte(usize),
 }
 
@@ -69,118 +69,118 @@ impl fmt::Display for Place {
     }
 }
 
-/// What is wrong. Nodes and elements are counted from 0, in the order of the file.
+/// Problem with a mesh file. Nodes and elements are counted from 0, in the order of the file.
 #[derive(Debug, Error)]
 pub enum MeshProblem {
     /// The file cannot be read.
     #[error("cannot be read: {0}")]
     Unreadable(std::io::Error),
-    /// Not `.msh`, `.vtk` or `.vtu`.
-    #[error("is no mesh file by its name")]
+    /// The file's extension is not `.msh`, `.vtk` or `.vtu`.
+    #[error("is not a mesh file by its extension")]
     Extension,
-    /// Reading it would take more memory than there is.
-    #[error("takes about {needed_mib} MiB to read; {budget_mib} MiB are free")]
+    /// Reading the file would take more memory than is free.
+    #[error("needs about {needed_mib} MiB to read; {budget_mib} MiB are free")]
     TooLarge {
-        /// What it would take.
+        /// Memory needed, MiB.
         needed_mib: u64,
-        /// What there is.
+        /// Memory free, MiB.
         budget_mib: u64,
     },
-    /// Something else than what the format has there.
+    /// The file does not have what its format requires there.
     #[error("expected {what}, found {found:?}")]
     Expected {
-        /// What the format has there.
+        /// Content that the format requires.
         what: &'static str,
-        /// What is there, its beginning.
+        /// Beginning of the content found.
         found: String,
     },
     /// The file ends too early.
     #[error("ends where {0} is expected")]
     Ended(&'static str),
-    /// A part that has to be there.
+    /// A required part is missing.
     #[error("has no {0}")]
     Missing(&'static str),
-    /// A variety of the format that is not read.
-    #[error("is in {0}, which is not read here")]
+    /// The file is in an unsupported variety of its format.
+    #[error("is in {0}, which is not supported")]
     Variety(String),
-    /// An element that is neither tetrahedron nor triangle, nor left aside as points and lines are.
-    #[error("element {element} is a {name}: only tetrahedra of four nodes and triangles of three are taken")]
+    /// An element is neither a tetrahedron nor a triangle, nor ignored as points and lines are.
+    #[error("element {element} is a {name}: only tetrahedra of four nodes and triangles of three are supported")]
     Element {
-        /// Its index.
+        /// Index of the element.
         element: usize,
-        /// Its type, and the format's number for it.
+        /// Name of the element's type, and the format's number for it.
         name: String,
     },
-    /// No tetrahedron and no triangle.
+    /// The file has no tetrahedron and no triangle.
     #[error("has neither tetrahedra nor triangles")]
     Empty,
-    /// Two nodes with one number.
+    /// Two nodes have the same number.
     #[error("two nodes have the number {0}")]
     RepeatedNumber(u64),
-    /// An element names a node that is not there.
-    #[error("element {element} names node {node}, which is not there")]
+    /// An element names a node that does not exist.
+    #[error("element {element} names node {node}, which does not exist")]
     UnknownNode {
-        /// Its index.
+        /// Index of the element.
         element: usize,
-        /// By index or by number, as the format has it.
+        /// Index or number of the node, as the format has it.
         node: u64,
     },
-    /// A position that is not finite, after scaling.
+    /// A position is not finite after scaling.
     #[error("node {node} lies at {position:?}, which is not finite")]
     NotFinite {
-        /// Its index.
+        /// Index of the node.
         node: usize,
-        /// m.
+        /// Position of the node, m.
         position: [f64; 3],
     },
-    /// Two nodes at one place.
+    /// Two nodes lie at the same place.
     #[error("nodes {first} and {second} lie at the same place, {position:?} m")]
     Coincident {
-        /// The one that comes first.
+        /// Index of the first node.
         first: usize,
-        /// The other.
+        /// Index of the second node.
         second: usize,
-        /// Of the second, m.
+        /// Position of the second node, m.
         position: [f64; 3],
     },
-    /// A tetrahedron without volume, or a triangle without area.
+    /// A tetrahedron has no volume, or a triangle no area.
     #[error("{kind} {element} with nodes {nodes:?} is flat")]
     Flat {
-        /// Tetrahedron or triangle.
+        /// Kind of the element: tetrahedron or triangle.
         kind: &'static str,
-        /// Its index among those.
+        /// Index among the elements of its kind.
         element: usize,
-        /// Its nodes.
+        /// Nodes of the element.
         nodes: Vec<u32>,
     },
-    /// Some tetrahedra are inside out.
+    /// Some tetrahedra are inverted.
     #[error(
         "{inverted} of {total} tetrahedra are inverted, the first of them tetrahedron {first} with nodes {nodes:?}"
     )]
     Inverted {
-        /// How many.
+        /// Number of inverted tetrahedra.
         inverted: usize,
-        /// Of how many.
+        /// Number of all tetrahedra.
         total: usize,
-        /// Index of the first.
+        /// Index of the first inverted one.
         first: usize,
-        /// Its nodes.
+        /// Nodes of the first inverted one.
         nodes: [u32; 4],
     },
-    /// Two tetrahedra on the same side of a face.
+    /// Two tetrahedra lie on the same side of a face.
     #[error("tetrahedra {first} and {second} lie on the same side of the face with nodes {nodes:?}")]
     Overlap {
-        /// Index of a tetrahedron.
+        /// Index of one tetrahedron.
         first: usize,
-        /// Index of another.
+        /// Index of the other.
         second: usize,
-        /// The face's nodes.
+        /// Nodes of the face.
         nodes: [u32; 3],
     },
-    /// More than one body.
+    /// The mesh consists of more than one body.
     #[error("is {} separate pieces, of {} nodes", sizes.len(), list(sizes))]
     Pieces {
-        /// Their numbers of nodes, the largest first.
+        /// Number of nodes of each piece, the largest first.
         sizes: Vec<usize>,
     },
     /// The triangles do not form a surface.
@@ -189,9 +189,9 @@ pub enum MeshProblem {
     /// The surface has a border.
     #[error("the surface is open: only one triangle meets the edge from node {from} to node {to}")]
     Open {
-        /// A node on the border.
+        /// Node on the border.
         from: u32,
-        /// The next.
+        /// Next node on the border.
         to: u32,
     },
     /// Two parts of the surface touch at one node.
@@ -207,12 +207,12 @@ pub enum MeshProblem {
         depth_m: f64,
         /// Index of the triangle.
         triangle: usize,
-        /// Its nodes on the surface.
+        /// Nodes of the triangle on the surface.
         nodes: [u32; 3],
     },
 }
 
-/// The first few of a list of numbers.
+/// Lists the first few of some numbers.
 fn list(numbers: &[usize]) -> String {
     const SHOWN: usize = 8;
     let mut text: Vec<String> = numbers.iter().take(SHOWN).map(ToString::to_string).collect();
@@ -223,7 +223,7 @@ fn list(numbers: &[usize]) -> String {
 }
 
 impl MeshProblem {
-    /// The way out.
+    /// Returns advice on how to solve the problem.
     pub fn advice(&self) -> &'static str {
         match self {
             MeshProblem::Unreadable(_) => "`path` is relative to the scene file",
@@ -245,26 +245,26 @@ impl MeshProblem {
                  `Mesh.SubdivisionAlgorithm = 0`; in ParaView the filters Tetrahedralize or Triangulate"
             }
             MeshProblem::Empty => {
-                "mesh a volume, or a closed surface; in Gmsh, elements outside physical groups are left out when there \
+                "mesh a volume, or a closed surface; in Gmsh, elements outside physical groups are omitted when there \
                  are any (`Mesh.SaveAll = 1`)"
             }
-            MeshProblem::NotFinite { .. } => "every coordinate has to be a number, also times `scale`",
+            MeshProblem::NotFinite { .. } => "every coordinate must be finite, also times `scale`",
             MeshProblem::Coincident { .. } => {
-                "merge them: `Coherence Mesh;` in Gmsh, Clean to Grid in ParaView; or parts would touch without holding"
+                "merge them: `Coherence Mesh;` in Gmsh, Clean to Grid in ParaView; unmerged parts are not joined"
             }
             MeshProblem::Flat { .. } => "mesh again with optimisation (`Mesh.Optimize = 1` in Gmsh), or collapse it",
             MeshProblem::Inverted { .. } => {
-                "give all the same orientation (if every one is inverted, all are turned round); one that a deformation \
-                 has pushed through itself needs a new mesh"
+                "give all the same orientation (if every one is inverted, all are reversed); one that a deformation \
+                 has turned inside out needs a new mesh"
             }
             MeshProblem::Overlap { .. } => "remove the repeated or overlapping tetrahedra",
             MeshProblem::Pieces { .. } => "give one connected body, or join the pieces where they touch",
             MeshProblem::Surface(_) => {
-                "orient the triangles in one way and let two meet at every edge, as MeshLab's repair filters do"
+                "orient the triangles consistently and let two meet at every edge, as MeshLab's repair filters do"
             }
             MeshProblem::Open { .. } => "close the holes: a body needs an inside",
             MeshProblem::Pinched(_) => "separate the parts, or join them by more than a node",
-            MeshProblem::NoInside => "give a surface around a body",
+            MeshProblem::NoInside => "give a surface that encloses a body",
             MeshProblem::Folds { .. } => {
                 "give a smaller `mesh.layer_depth` or fewer `mesh.layers`, or a smoother surface"
             }

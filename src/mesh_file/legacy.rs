@@ -1,4 +1,4 @@
-//! VTK's legacy format, as text and as bytes (the highest first), versions 1 to 5.1: unstructured grids, and poly data of
+//! VTK's legacy format, as text and binary (big-endian), versions 1 to 5.1: unstructured grids, and poly data of
 //! triangles.
 
 use super::Cells;
@@ -45,11 +45,11 @@ pub fn read(bytes: &[u8]) -> Result<Cells, Flaw> {
             b"VERTICES" | b"LINES" => cell_list(&mut cursor, has_offsets, &mut CellList::default())?,
             b"FIELD" => field(&mut cursor)?,
             b"METADATA" => {
-                // To the next empty line, the rest of this one not being one.
+                // The section ends at the next empty line; the rest of this line does not count.
                 cursor.line();
                 while cursor.line().is_some_and(|line| !line.is_empty()) {}
             }
-            // What belongs to points and cells comes last, and nothing of it is needed.
+            // Data of points and cells come last, and are not needed.
             b"POINT_DATA" | b"CELL_DATA" => break,
             other => return Err(cursor.expected("POINTS, CELLS, CELL_TYPES or POLYGONS", other)),
         }
@@ -95,7 +95,7 @@ fn cell_list(cursor: &mut Cursor, has_offsets: bool, list: &mut CellList) -> Res
     cursor.line();
     if has_offsets {
         let offsets = array(cursor, "OFFSETS", first)?;
-        // Where each begins, and where the last ends.
+        // Offsets give where each cell begins, and where the last one ends.
         list.ends = offsets.get(1..).unwrap_or_default().to_vec();
         list.connectivity = array(cursor, "CONNECTIVITY", second)?;
         return Ok(());
@@ -119,7 +119,7 @@ fn array(cursor: &mut Cursor, name: &'static str, count: u64) -> Result<Vec<u64>
     cursor.indices(number, count, name)
 }
 
-/// Arrays that stand before the points, such as the time: nothing of it is needed.
+/// Skips arrays before the points, such as the time, which are not needed.
 fn field(cursor: &mut Cursor) -> Result<(), Flaw> {
     cursor.word::<String>("the name of a field")?;
     let arrays: u64 = cursor.word("the number of arrays")?;

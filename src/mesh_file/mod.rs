@@ -1,5 +1,9 @@
 //! Meshes from files: Gmsh's MSH and VTK's formats, read into cells, checked, and made into a [`Mesh`]: a solid of
 //! tetrahedra, or a shell below a closed surface.
+//!
+//! The readers are written here because the kept crates lose what a body needs: mshio 0.4 drops the numbers of nodes where
+//! they have no gaps, whatever their order, and vtkio 0.6 does not know the cells of legacy VTK 5.1 (both tried on the files
+//! in `fixtures/meshes/formats`). XML, base64 and zlib come from crates.
 
 mod error;
 mod legacy;
@@ -21,15 +25,15 @@ use self::error::Flaw;
 use crate::Vec3;
 use crate::model::mesh::Mesh;
 
-/// What reading and checking takes per byte of a file, at most: text of 10 bytes names a tetrahedron, of which there are
-/// then cell, edges and faces, twice while they are sorted.
+/// Largest memory for reading and checking, per byte of the file. Text of 10 bytes can name a tetrahedron, whose cell,
+/// edges and faces are then stored, twice while they are sorted.
 const BYTES_PER_BYTE: u64 = 32;
 
-/// Nodes nearer than this in every coordinate, over the diagonal of the bounding box, are at the same place. Coordinates
-/// of 32 bits differ by 6e-8 of their size or not at all.
+/// Nodes nearer than this in every coordinate, relative to the diagonal of the bounding box, coincide. Coordinates of
+/// 32 bits differ by 6e-8 of their size or not at all.
 const SAME_PLACE: f64 = 1e-9;
 
-/// What a file holds that is used.
+/// The contents of a file that are used.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Cells {
     /// Positions as written, in the file's unit.
@@ -40,27 +44,27 @@ pub struct Cells {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// A mesh from a file, checked.
+/// A checked mesh from a file.
 #[derive(Debug, Clone)]
 pub struct FileMesh {
-    /// The mesh: nodes that elements use, in the order of the file; of a shell, layer after layer.
+    /// The mesh: nodes that elements use, in the order of the file; for a shell, layer by layer.
     pub mesh: Mesh,
     /// Volume that each node stands for, m³: a quarter of every tetrahedron around it, or its share of a shell.
     pub node_volumes: Vec<f64>,
-    /// Nodes of a shell's innermost layer; none of a solid.
+    /// Nodes of a shell's innermost layer; empty for a solid.
     pub innermost: Range<usize>,
-    /// Nodes of the file that no element uses, and which were left out.
+    /// Number of the file's nodes that no element uses, which are omitted.
     pub unused_nodes: usize,
 }
 
 impl FileMesh {
-    /// Greatest extent along an axis, m.
+    /// Largest extent along an axis, m.
     pub fn extent(&self) -> f64 {
         surface::bounding_box(self.mesh.nodes.iter().copied()).1.amax()
     }
 
-    /// Nodes whose height is the lowest, to a millionth of the bounding box's diagonal: what programs leave of a plane
-    /// in 32-bit coordinates.
+    /// Returns for each node whether its height is the lowest, to a millionth of the bounding box's diagonal: the
+    /// precision with which programs write a plane in 32-bit coordinates.
     pub fn bottom(&self) -> impl Iterator<Item = bool> {
         const FLAT: f64 = 1e-6;
         let (lowest, extents) = surface::bounding_box(self.mesh.nodes.iter().copied());
@@ -69,7 +73,7 @@ impl FileMesh {
     }
 }
 
-/// What has been read of a file.
+/// The cells read from a file, with its path.
 ///
 /// ```
 /// use std::path::Path;
@@ -84,7 +88,7 @@ impl FileMesh {
 /// assert!((solid.mesh.tetrahedron_volume(solid.mesh.tetrahedra[0]) - 0.03_f64.powi(3) / 6.0).abs() < 1e-18);
 /// assert_eq!((solid.extent(), solid.bottom().filter(|is_bottom| *is_bottom).count()), (0.03, 3));
 ///
-/// // A surface becomes the wall of a hollow body.
+/// // A closed surface becomes the wall of a hollow body.
 /// let file = MeshFile::read(Path::new("fixtures/meshes/formats/surface-2.2-text.msh"), 1 << 30)?;
 /// let (layers, vertices) = (Layers { count: 2, depth: 1e-4 }, file.cells().nodes.len());
 /// assert!(file.is_surface());
@@ -101,10 +105,10 @@ pub struct MeshFile {
 }
 
 impl MeshFile {
-    /// Reads a file. `budget` is the memory that this may take, in bytes.
+    /// Reads a file. `budget` is the memory that reading may take, bytes.
     ///
     /// # Errors
-    /// If it cannot be read, is of none of the formats, damaged, or holds elements that are not taken, or none.
+    /// If the file cannot be read, has none of the formats, is damaged, or holds unsupported elements or none.
     pub fn read(path: &Path, budget: u64) -> Result<Self, MeshFileError> {
         let fail = |problem: MeshProblem| MeshFileError::new(path.to_owned(), problem.into());
         let size = std::fs::metadata(path).map_err(|error| fail(MeshProblem::Unreadable(error)))?.len();
@@ -116,10 +120,10 @@ impl MeshFile {
         Self::parse(&bytes, path, budget)
     }
 
-    /// The same with what the file holds; `path` names it in errors and says its format.
+    /// Parses the contents of a file; `path` names it in errors and determines its format.
     ///
     /// # Errors
-    /// As [`read`](Self::read).
+    /// If the contents have a defect that [`read`](Self::read) refuses.
     pub fn parse(bytes: &[u8], path: &Path, budget: u64) -> Result<Self, MeshFileError> {
         let fail = |flaw: Flaw| MeshFileError::new(path.to_owned(), flaw);
         let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
@@ -136,20 +140,20 @@ impl MeshFile {
         Ok(Self { path: path.to_owned(), cells })
     }
 
-    /// What it holds.
+    /// Returns the cells of the file.
     pub fn cells(&self) -> &Cells {
         &self.cells
     }
 
-    /// Whether it has only triangles.
+    /// Whether the file has only triangles.
     pub fn is_surface(&self) -> bool {
         self.cells.tetrahedra.is_empty()
     }
 
-    /// A mesh of its tetrahedra, with coordinates times `scale`. Its triangles are ignored.
+    /// Builds a solid from the tetrahedra, with coordinates multiplied by `scale`. Triangles are ignored.
     ///
     /// # Errors
-    /// If they are no body: see [`MeshProblem`].
+    /// If the tetrahedra form no body: see [`MeshProblem`].
     pub fn solid(self, scale: f64) -> Result<FileMesh, MeshFileError> {
         let made = self.cells.scaled(scale).and_then(|cells| {
             cells.one_body(&cells.tetrahedra)?;
@@ -158,10 +162,10 @@ impl MeshFile {
         made.map_err(|problem| MeshFileError::new(self.path, problem.into()))
     }
 
-    /// A mesh of its triangles, with coordinates times `scale`, and of layers below them.
+    /// Builds a shell from the triangles, with coordinates multiplied by `scale`, and layers below them.
     ///
     /// # Errors
-    /// If they are no closed surface, or a layer folds over.
+    /// If the triangles form no closed surface, or a layer folds over.
     pub fn shell(self, scale: f64, layers: Layers) -> Result<FileMesh, MeshFileError> {
         let made = self.cells.scaled(scale).and_then(|cells| {
             cells.one_body(&cells.triangles)?;
@@ -171,7 +175,7 @@ impl MeshFile {
     }
 }
 
-/// More than `budget` bytes, after decompression.
+/// Returns the problem of an array that takes more than `budget` bytes after decompression.
 fn too_large(budget: usize) -> MeshProblem {
     let budget_mib = (budget as u64).saturating_mul(BYTES_PER_BYTE) >> 20;
     MeshProblem::TooLarge { needed_mib: budget_mib + 1, budget_mib }
@@ -186,7 +190,7 @@ impl Cells {
         }
     }
 
-    /// That every element's nodes exist, no two that are used share a place, and elements hang together.
+    /// Checks that every element's nodes exist, no two used nodes coincide, and elements are connected.
     fn one_body<const N: usize>(&self, elements: &[[u32; N]]) -> Result<(), MeshProblem> {
         let mut is_used = vec![false; self.nodes.len()];
         for (element, &nodes) in elements.iter().enumerate() {
@@ -199,7 +203,7 @@ impl Cells {
         surface::connected(&is_used, elements)
     }
 
-    /// The same without the nodes that no element uses, and how many these were. Elements have been checked.
+    /// Removes the nodes that no element uses, and returns their number. Elements have been checked.
     fn without_unused(mut self) -> (Self, usize) {
         let mut new_index = vec![u32::MAX; self.nodes.len()];
         for &node in self.tetrahedra.as_flattened().iter().chain(self.triangles.as_flattened()) {
@@ -219,7 +223,7 @@ impl Cells {
     }
 }
 
-/// Every pair once, ascending.
+/// Returns every pair once, ascending.
 fn unique_edges(pairs: impl Iterator<Item = [u32; 2]>) -> Vec<[u32; 2]> {
     let mut edges: Vec<[u32; 2]> = pairs.map(|[i, j]| [i.min(j), i.max(j)]).collect();
     edges.sort_unstable();

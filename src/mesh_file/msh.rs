@@ -1,6 +1,6 @@
-//! Gmsh's MSH format, versions 2.2 and 4.1, as text and as bytes (Geuzaine & Remacle, Gmsh Reference Manual, chapter
-//! "Gmsh file formats"). Both have nodes with numbers and elements that name those numbers, in named sections; they differ in
-//! how a section is laid out.
+//! Gmsh's MSH format, versions 2.2 and 4.1, as text and binary (Geuzaine & Remacle, Gmsh Reference Manual, chapter
+//! "Gmsh file formats"). Both versions have numbered nodes, and elements that refer to these numbers, in named
+//! sections; they differ in the layout of a section.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -27,7 +27,7 @@ pub fn read(bytes: &[u8]) -> Result<Cells, Flaw> {
             (b"$Nodes", Layout::V4) => reader.nodes_4(&mut cursor)?,
             (b"$Elements", Layout::V2) => reader.elements_2(&mut cursor)?,
             (b"$Elements", Layout::V4) => reader.elements_4(&mut cursor)?,
-            // Names, geometry, data: nothing of it is needed.
+            // Names, geometry and data are not needed.
             ([b'$', name @ ..], _) => cursor.skip_past(&[b"$End", name].concat(), "the end of a section")?,
             (other, _) => return Err(cursor.expected("a section", other)),
         }
@@ -38,14 +38,14 @@ pub fn read(bytes: &[u8]) -> Result<Cells, Flaw> {
     reader.cells()
 }
 
-/// How sections are laid out.
+/// Layout of the sections.
 #[derive(Debug, Clone, Copy)]
 enum Layout {
     V2,
     V4,
 }
 
-/// Version, encoding, and size of a number; then, among bytes, a 1 that shows their order.
+/// Reads the version, the encoding and the size of a number; then, in binary files, a 1 that shows the byte order.
 fn header(cursor: &mut Cursor) -> Result<Layout, Flaw> {
     let version: String = cursor.word("a version")?;
     let layout = match version.as_str() {
@@ -53,16 +53,16 @@ fn header(cursor: &mut Cursor) -> Result<Layout, Flaw> {
         "4.1" => Layout::V4,
         _ => return Err(cursor.flaw(MeshProblem::Variety(format!("MSH {version}")))),
     };
-    let is_binary = cursor.word::<u8>("0 for text or 1 for bytes")? != 0;
+    let is_binary = cursor.word::<u8>("0 for text or 1 for binary")? != 0;
     if cursor.word::<u8>("the size of a number")? != 8 {
-        return Err(cursor.flaw(MeshProblem::Variety("MSH with numbers that are not of 8 bytes".to_owned())));
+        return Err(cursor.flaw(MeshProblem::Variety("MSH with numbers of other than 8 bytes".to_owned())));
     }
     if is_binary {
         cursor.line();
-        cursor.encoding = match cursor.take(4, "a 1 that shows the order of bytes")? {
+        cursor.encoding = match cursor.take(4, "a 1 that shows the byte order")? {
             [1, 0, 0, 0] => Encoding::Little,
             [0, 0, 0, 1] => Encoding::Big,
-            other => return Err(cursor.expected("a 1 that shows the order of bytes", other)),
+            other => return Err(cursor.expected("a 1 that shows the byte order", other)),
         };
     }
     Ok(layout)
@@ -74,9 +74,9 @@ fn end_section(cursor: &mut Cursor, name: &[u8]) -> Result<(), Flaw> {
     if line.strip_prefix(b"$End") == Some(name) { Ok(()) } else { Err(cursor.expected(WHAT, line)) }
 }
 
-/// What becomes of an element.
+/// Kind of an element.
 enum Kind {
-    /// A point or a line with so many nodes: there for the geometry's sake.
+    /// A point or a line with this many nodes, which serves only the geometry.
     LeftAside(u64),
     Triangle,
     Tetrahedron,
@@ -85,10 +85,10 @@ enum Kind {
 #[derive(Default)]
 struct Reader {
     nodes: Vec<Vec3>,
-    /// From a node's number to its index.
+    /// Index of each node, by its number.
     index: HashMap<u64, u32>,
     elements: usize,
-    /// By numbers, with the element's index.
+    /// Element index and node numbers of each tetrahedron.
     tetrahedra: Vec<(usize, [u64; 4])>,
     triangles: Vec<(usize, [u64; 3])>,
 }
@@ -149,7 +149,7 @@ impl Reader {
             }
             return Ok(());
         }
-        // Among bytes elements of one type and number of tags stand together.
+        // In binary files, elements of one type and number of tags stand together.
         let mut left = count;
         while left > 0 {
             let kind = self.kind(cursor)?;
@@ -157,7 +157,7 @@ impl Reader {
             let tags = cursor.index(Number::I32, "the number of tags")?;
             if !(1..=left).contains(&following) {
                 let found = following.to_string();
-                return Err(cursor.expected("no more elements than are announced, and one at least", found.as_bytes()));
+                return Err(cursor.expected("at least one element, and no more than announced", found.as_bytes()));
             }
             for _ in 0..following {
                 cursor.skip(Number::I32, 1 + tags, "the number and the tags of an element")?;
@@ -183,7 +183,7 @@ impl Reader {
         Ok(())
     }
 
-    /// By the number of an element's type (Gmsh Reference Manual, "MSH file format").
+    /// Returns the kind of an element from the number of its type (Gmsh Reference Manual, "MSH file format").
     fn kind(&self, cursor: &mut Cursor) -> Result<Kind, Flaw> {
         let number = cursor.index(Number::I32, "the type of an element")?;
         let name = match number {
@@ -198,11 +198,11 @@ impl Reader {
             5 | 12 | 17 => "hexahedron",
             6 | 13 | 18 => "prism",
             7 | 14 | 19 => "pyramid",
-            9 => "triangle of second order",
-            11 => "tetrahedron of second order",
-            20..=25 => "triangle of higher order",
-            29..=31 => "tetrahedron of higher order",
-            _ => "thing that is not known here",
+            9 => "second-order triangle",
+            11 => "second-order tetrahedron",
+            20..=25 => "higher-order triangle",
+            29..=31 => "higher-order tetrahedron",
+            _ => "cell of unknown type",
         };
         Err(cursor.flaw(MeshProblem::Element { element: self.elements, name: format!("{name} (Gmsh type {number})") }))
     }
@@ -230,7 +230,7 @@ impl Reader {
         Ok(())
     }
 
-    /// Once all nodes are known: elements may come before them.
+    /// Builds the cells once all nodes are known: elements may come before them.
     fn cells(self) -> Result<Cells, Flaw> {
         if self.nodes.is_empty() {
             return Err(MeshProblem::Missing("nodes").into());

@@ -1,20 +1,20 @@
-//! Words and numbers of a file, one after the other. Counts that a file gives are never trusted: nothing is
-//! allocated for what has not been read.
+//! A reader of a file's words and numbers in sequence. Counts in a file are never trusted: nothing is allocated for
+//! data that has not been read.
 
 use super::error::{Flaw, MeshProblem, Place};
 
-/// How numbers are written.
+/// Encoding of numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Encoding {
-    /// In words, between white space.
+    /// Text: words between white space.
     Text,
-    /// In bytes, the lowest first.
+    /// Binary, little-endian.
     Little,
-    /// In bytes, the highest first.
+    /// Binary, big-endian.
     Big,
 }
 
-/// A type of number, in bytes. As text all are alike.
+/// Type of a binary number. In text all types are alike.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Number {
     I8,
@@ -30,7 +30,7 @@ pub enum Number {
 }
 
 impl Number {
-    /// Bytes.
+    /// Size, bytes.
     pub fn size(self) -> usize {
         match self {
             Number::I8 | Number::U8 => 1,
@@ -52,7 +52,7 @@ impl Number {
         }
     }
 
-    /// `None` for what cannot count.
+    /// Converts bits to an index; `None` for types or values that cannot be one.
     fn index(self, bits: u64) -> Option<u64> {
         match self {
             Number::I8 => u64::try_from(bits as i8).ok(),
@@ -65,12 +65,12 @@ impl Number {
     }
 }
 
-/// A place in a file that moves on with every read.
+/// A position in a file that advances with every read.
 #[derive(Debug, Clone)]
 pub struct Cursor<'a> {
     bytes: &'a [u8],
     at: usize,
-    /// Of the numbers from here on.
+    /// Encoding of the numbers from this position on.
     pub encoding: Encoding,
 }
 
@@ -79,7 +79,7 @@ impl<'a> Cursor<'a> {
         Self { bytes, at: 0, encoding }
     }
 
-    /// A problem at this place: with its line in text, with its byte among bytes.
+    /// Returns a problem at this position: with its line in text, with its byte offset in binary data.
     pub fn flaw(&self, problem: MeshProblem) -> Flaw {
         let place = match self.encoding {
             Encoding::Text => Place::Line(1 + self.bytes[..self.at].iter().filter(|&&byte| byte == b'\n').count()),
@@ -94,12 +94,12 @@ impl<'a> Cursor<'a> {
         self.flaw(MeshProblem::Expected { what, found })
     }
 
-    /// Bytes read so far.
+    /// Number of bytes read so far.
     pub fn position(&self) -> usize {
         self.at
     }
 
-    /// Whether nothing is left but white space in text.
+    /// Whether nothing is left, apart from white space in text.
     pub fn is_at_end(&self) -> bool {
         let rest = &self.bytes[self.at..];
         match self.encoding {
@@ -108,7 +108,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// The rest of this line, without white space around it; `None` at the end of the file.
+    /// Returns the rest of this line, without white space around it; `None` at the end of the file.
     pub fn line(&mut self) -> Option<&'a [u8]> {
         let rest = &self.bytes[self.at..];
         if rest.is_empty() {
@@ -119,7 +119,7 @@ impl<'a> Cursor<'a> {
         Some(rest[..length.unwrap_or(rest.len())].trim_ascii())
     }
 
-    /// The next line that has something on it.
+    /// Returns the next line that is not blank.
     pub fn full_line(&mut self) -> Option<&'a [u8]> {
         loop {
             match self.line() {
@@ -129,7 +129,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// The next word, also among bytes; `None` at the end of the file.
+    /// Returns the next word, also within binary data; `None` at the end of the file.
     pub fn next_word(&mut self) -> Option<&'a [u8]> {
         let rest = &self.bytes[self.at..];
         let start = rest.iter().position(|byte| !byte.is_ascii_whitespace()).unwrap_or(rest.len());
@@ -139,21 +139,21 @@ impl<'a> Cursor<'a> {
         (!word.is_empty()).then_some(word)
     }
 
-    /// The next word as a number or a name.
+    /// Reads the next word as a number or a name.
     pub fn word<T: std::str::FromStr>(&mut self, what: &'static str) -> Result<T, Flaw> {
         let word = self.next_word().ok_or_else(|| self.flaw(MeshProblem::Ended(what)))?;
         let value = std::str::from_utf8(word).ok().and_then(|word| word.parse().ok());
         value.ok_or_else(|| self.expected(what, word))
     }
 
-    /// So many bytes.
+    /// Reads this many bytes.
     pub fn take(&mut self, count: usize, what: &'static str) -> Result<&'a [u8], Flaw> {
         let taken = self.bytes[self.at..].get(..count).ok_or_else(|| self.flaw(MeshProblem::Ended(what)))?;
         self.at += count;
         Ok(taken)
     }
 
-    /// Behind the next occurrence of a mark.
+    /// Moves behind the next occurrence of a mark.
     pub fn skip_past(&mut self, mark: &[u8], what: &'static str) -> Result<(), Flaw> {
         let found = self.bytes[self.at..].windows(mark.len()).position(|window| window == mark);
         self.at += found.ok_or_else(|| self.flaw(MeshProblem::Ended(what)))? + mark.len();
@@ -170,7 +170,7 @@ impl<'a> Cursor<'a> {
         Ok(u64::from_le_bytes(bytes))
     }
 
-    /// The next number as a coordinate.
+    /// Reads the next number as a coordinate.
     pub fn real(&mut self, number: Number, what: &'static str) -> Result<f64, Flaw> {
         match self.encoding {
             Encoding::Text => self.word(what),
@@ -178,7 +178,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// The next number as a count or an index.
+    /// Reads the next number as a count or an index.
     pub fn index(&mut self, number: Number, what: &'static str) -> Result<u64, Flaw> {
         match self.encoding {
             Encoding::Text => self.word(what),
@@ -191,12 +191,12 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// As [`index`](Self::index), so many of them.
+    /// Reads this many counts or indices.
     pub fn indices(&mut self, number: Number, count: u64, what: &'static str) -> Result<Vec<u64>, Flaw> {
         (0..count).map(|_| self.index(number, what)).collect()
     }
 
-    /// Past so many numbers.
+    /// Skips this many numbers.
     pub fn skip(&mut self, number: Number, count: u64, what: &'static str) -> Result<(), Flaw> {
         match self.encoding {
             Encoding::Text => {

@@ -1,23 +1,24 @@
-//! A shell below a closed surface: the wall of a hollow organ. Copies of the surface lie below it, each a depth
-//! further along the inward normals at the nodes, and springs join every copy with the next.
+//! A shell below a closed surface: the wall of a hollow organ. Copies of the surface lie below it, each a depth further
+//! along the inward normals at the nodes, and springs join every copy with the next.
 
 use super::error::MeshProblem;
 use super::{Cells, FileMesh, surface, unique_edges};
 use crate::Vec3;
 use crate::model::mesh::Mesh;
 
-/// Copies of the surface below it.
+/// Layers of a shell: copies of the surface below it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Layers {
-    /// How many, at least one.
+    /// Number of copies, at least one.
     pub count: usize,
-    /// From one to the next along the normals, m.
+    /// Distance from one copy to the next along the normals, m.
     pub depth: f64,
 }
 
 impl Layers {
-    /// Nodes and springs of a shell below a surface, at most, without building it: every layer has the surface's nodes
-    /// and its edges, three for two triangles; between two there are one spring for a node and two for an edge.
+    /// Largest numbers of nodes and springs of a shell below a surface, without building it. Every layer has the
+    /// surface's nodes and its edges, three for two triangles; between two layers there are one spring per node and two
+    /// per edge.
     pub fn sizes(&self, surface: &Cells) -> (u128, u128) {
         let (nodes, triangles) = (surface.nodes.len() as u128, surface.triangles.len() as u128);
         let (count, edges) = (self.count as u128, (3 * triangles).div_ceil(2));
@@ -25,10 +26,10 @@ impl Layers {
     }
 }
 
-/// Springs: along the edges of every layer, from every node to the one below it, and both diagonals of the
-/// quadrangle below an edge, which withstand shear.
+/// Builds a shell. Its springs run along the edges of every layer, from every node to the one below it, and along both
+/// diagonals of the quadrangle below an edge, which resist shear.
 pub fn mesh(mut cells: Cells, layers: &Layers) -> Result<FileMesh, MeshProblem> {
-    // All may face inwards: some programs count corners the other way.
+    // All triangles may face inwards: some programs count corners in the opposite order.
     if surface::check(&cells.nodes, &cells.triangles)? < 0.0 {
         cells.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
     }
@@ -39,7 +40,7 @@ pub fn mesh(mut cells: Cells, layers: &Layers) -> Result<FileMesh, MeshProblem> 
         let area = area_vector(&outer, corners);
         corners.iter().for_each(|&node| normals[node as usize] += area);
     }
-    // Where the triangles around a node cancel there is no normal; the copy then has none to go along, and folds over.
+    // A node around which the triangles' areas cancel has no normal; its copy stays in place and the layer folds over.
     normals.iter_mut().for_each(|normal| *normal = normal.try_normalize(0.0).unwrap_or_default());
 
     let surface_edges = unique_edges(triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]));
@@ -49,7 +50,7 @@ pub fn mesh(mut cells: Cells, layers: &Layers) -> Result<FileMesh, MeshProblem> 
         let depth = layer as f64 * layers.depth;
         let copy: Vec<Vec3> = outer.iter().zip(&normals).map(|(x, normal)| x - normal * depth).collect();
         check_copy(&outer, &copy, &triangles, depth)?;
-        // Half a layer of wall belongs to the outermost and the innermost, a whole one to those between.
+        // The outermost and the innermost layer each stand for half a layer of wall, those between for a whole one.
         let is_outside = layer == 0 || layer == layers.count;
         let thickness = if is_outside { layers.depth / 2.0 } else { layers.depth };
         let mut volumes = vec![0.0; count];
@@ -72,14 +73,14 @@ pub fn mesh(mut cells: Cells, layers: &Layers) -> Result<FileMesh, MeshProblem> 
     Ok(FileMesh { mesh, node_volumes, innermost, unused_nodes })
 }
 
-/// Half the cross product of two edges, outwards, m².
+/// Area vector of a triangle: half the cross product of two edges, outwards, m².
 fn area_vector(nodes: &[Vec3], corners: &[u32; 3]) -> Vec3 {
     let [a, b, c] = corners.map(|node| nodes[node as usize]);
     (b - a).cross(&(c - a)) / 2.0
 }
 
-/// No triangle of a copy has turned over, nor an edge round, as where the depth is beyond the surface's radius of
-/// curvature; the opposite walls of a closed body come to this at their rim before they meet.
+/// Checks that no triangle of a copy has turned over and no edge has reversed, as happens where the depth exceeds the
+/// surface's radius of curvature. Opposite walls of a closed body fail this test at their rim before they meet.
 fn check_copy(outer: &[Vec3], copy: &[Vec3], triangles: &[[u32; 3]], depth_m: f64) -> Result<(), MeshProblem> {
     for (triangle, &nodes) in triangles.iter().enumerate() {
         let keeps_side = area_vector(outer, &nodes).dot(&area_vector(copy, &nodes)) > 0.0;

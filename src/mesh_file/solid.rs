@@ -1,20 +1,21 @@
-//! A body of tetrahedra: orientation, faces, and what becomes of edges and faces.
+//! A body of tetrahedra: its orientation, faces and edges.
 
 use super::error::MeshProblem;
 use super::{Cells, FileMesh, surface, unique_edges};
 use crate::Vec3;
 use crate::model::mesh::Mesh;
 
-/// Six volumes over the cube of the longest edge, below which a tetrahedron is flat: rounding of 64-bit coordinates
-/// cannot make it so small, and of 32-bit ones makes it no smaller than 1e-7 by chance.
+/// Ratio of six volumes to the cube of the longest edge, below which a tetrahedron is flat. Rounding of 64-bit
+/// coordinates cannot make the ratio so small, and rounding of 32-bit ones makes it no smaller than 1e-7 by chance.
 const FLAT: f64 = 1e-9;
 
 /// A tetrahedron's faces, anticlockwise from outside if it is positively oriented.
 const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
-/// Its edges.
+/// A tetrahedron's edges.
 const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
 
-/// Edges become springs, faces of one tetrahedron the surface. Triangles that the file has are ignored.
+/// Builds a solid: edges become springs, and faces of only one tetrahedron the surface. Triangles of the file are
+/// ignored.
 pub fn mesh(mut cells: Cells) -> Result<FileMesh, MeshProblem> {
     cells.triangles.clear();
     orient(&cells.nodes, &mut cells.tetrahedra)?;
@@ -30,13 +31,13 @@ pub fn mesh(mut cells: Cells) -> Result<FileMesh, MeshProblem> {
     Ok(FileMesh { mesh: Mesh { nodes, edges, triangles, tetrahedra }, node_volumes, innermost: 0..0, unused_nodes })
 }
 
-/// Positive if the fourth corner lies where the first three turn anticlockwise away from it.
+/// Six times the volume: positive if the fourth corner lies where the first three turn anticlockwise away from it.
 fn six_volumes(nodes: &[Vec3], corners: &[u32; 4]) -> f64 {
     let [a, b, c, d] = corners.map(|node| nodes[node as usize]);
     (b - a).cross(&(c - a)).dot(&(d - a))
 }
 
-/// Turns all tetrahedra round if every one is inverted: some programs count corners the other way.
+/// Reverses all tetrahedra if every one is inverted: some programs count corners in the opposite order.
 fn orient(nodes: &[Vec3], tetrahedra: &mut [[u32; 4]]) -> Result<(), MeshProblem> {
     let (mut inverted, mut first) = (0, None);
     for (element, corners) in tetrahedra.iter().enumerate() {
@@ -63,9 +64,10 @@ fn orient(nodes: &[Vec3], tetrahedra: &mut [[u32; 4]]) -> Result<(), MeshProblem
     Ok(())
 }
 
-/// Faces of only one tetrahedron, in their order. Two that share a face lie on either side of it.
+/// Returns the faces of only one tetrahedron, in their order. Two tetrahedra that share a face must lie on opposite
+/// sides of it.
 fn boundary(tetrahedra: &[[u32; 4]]) -> Result<Vec<[u32; 3]>, MeshProblem> {
-    // The face's nodes ascending, whether they turn the other way in that order, and its place in `tetrahedra`.
+    // Entries: the face's nodes ascending, whether that order reverses it, and its place in `tetrahedra`.
     let mut faces: Vec<([u32; 3], bool, usize)> = Vec::with_capacity(4 * tetrahedra.len());
     for (element, corners) in tetrahedra.iter().enumerate() {
         for (side, face) in FACES.iter().enumerate() {
@@ -90,7 +92,7 @@ fn boundary(tetrahedra: &[[u32; 4]]) -> Result<Vec<[u32; 3]>, MeshProblem> {
     Ok(outer.iter().map(|place| FACES[place % 4].map(|corner| tetrahedra[place / 4][corner])).collect())
 }
 
-/// A triangle's nodes ascending, and whether that takes an odd number of exchanges.
+/// Returns a triangle's nodes ascending, and whether that takes an odd number of exchanges.
 fn ascending(mut nodes: [u32; 3]) -> ([u32; 3], bool) {
     let mut turned = false;
     for [i, j] in [[0, 1], [1, 2], [0, 1]] {

@@ -1,4 +1,4 @@
-//! What holds for every body: its nodes are apart, it is in one piece, and its surface has an inside.
+//! Requirements on every body: its nodes are distinct, it is one piece, and its surface encloses a volume.
 
 use std::collections::HashMap;
 
@@ -8,17 +8,19 @@ use crate::Vec3;
 use crate::model::mesh::Mesh;
 use crate::model::topology::Surface;
 
-/// Twice the area over the square of the longest edge, below which a triangle is flat; as for tetrahedra.
+/// Ratio of twice the area to the square of the longest edge, below which a triangle is flat; the limit is that for
+/// tetrahedra.
 const FLAT: f64 = 1e-9;
-/// Enclosed volume over the cube of the diagonal, below which there is no inside: rounding leaves 1e-16.
+/// Ratio of the enclosed volume to the cube of the diagonal, below which there is no inside: rounding leaves 1e-16.
 const NO_VOLUME: f64 = 1e-12;
 
-/// No two of the nodes that are used lie at the same place.
+/// Checks that no two of the used nodes lie at the same place.
 pub fn distinct(nodes: &[Vec3], is_used: &[bool]) -> Result<(), MeshProblem> {
     let used = || nodes.iter().enumerate().zip(is_used).filter(|&(_, &is_used)| is_used).map(|(node, _)| node);
     let (lowest, extents) = bounding_box(used().map(|(_, x)| *x));
     let tolerance = SAME_PLACE * extents.norm();
-    // Cells of a grid, each with its first node: nodes in one cell, or at most a tolerance apart in two that touch.
+    // First node of each cell of a grid: nodes that coincide lie in one cell, or in two adjacent ones at most a
+    // tolerance apart.
     let mut grid: HashMap<[i64; 3], usize> = HashMap::new();
     for (node, x) in used() {
         let cell: [i64; 3] = std::array::from_fn(|axis| ((x[axis] - lowest[axis]) / tolerance) as i64);
@@ -35,16 +37,16 @@ pub fn distinct(nodes: &[Vec3], is_used: &[bool]) -> Result<(), MeshProblem> {
     Ok(())
 }
 
-/// The lowest corner and the extents.
+/// Returns the lowest corner and the extents.
 pub fn bounding_box(points: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
     let empty = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
     let (lowest, highest) = points.fold(empty, |(low, high), x| (low.inf(&x), high.sup(&x)));
     (lowest, highest - lowest)
 }
 
-/// All nodes that are used hang together by elements.
+/// Checks that elements connect all used nodes.
 pub fn connected<const N: usize>(is_used: &[bool], elements: &[[u32; N]]) -> Result<(), MeshProblem> {
-    // Every node points to one of its piece, in the end all to the same.
+    // Every node points to one of its piece, and finally all to the same.
     let mut piece: Vec<u32> = (0..is_used.len() as u32).collect();
     fn find(piece: &mut [u32], mut node: u32) -> u32 {
         while piece[node as usize] != node {
@@ -71,8 +73,8 @@ pub fn connected<const N: usize>(is_used: &[bool], elements: &[[u32; N]]) -> Res
     Err(MeshProblem::Pieces { sizes })
 }
 
-/// Triangles are not flat, form a closed oriented manifold, and enclose a volume. Gives that volume, negative if they
-/// face inwards.
+/// Checks that triangles are not flat, form a closed oriented manifold, and enclose a volume. Returns that volume,
+/// negative if they face inwards.
 pub fn check(nodes: &[Vec3], triangles: &[[u32; 3]]) -> Result<f64, MeshProblem> {
     for (element, corners) in triangles.iter().enumerate() {
         let [a, b, c] = corners.map(|node| nodes[node as usize]);
@@ -106,7 +108,7 @@ pub fn check(nodes: &[Vec3], triangles: &[[u32; 3]]) -> Result<f64, MeshProblem>
     Ok(volume)
 }
 
-/// Triangles that are met on a walk from edge to edge around a vertex of a closed surface.
+/// Number of triangles met on a walk from edge to edge around a vertex of a closed surface.
 fn around(surface: &Surface, vertex: u32) -> usize {
     let incident = surface.incident(vertex);
     let Some(&start) = incident.first() else { return 0 };

@@ -1,4 +1,4 @@
-//! VTK's XML format for unstructured grids: numbers as text, in base64 or raw, in place or appended, plain or
+//! VTK's XML format for unstructured grids: numbers as text, in base64 or raw, inline or appended, uncompressed or
 //! compressed with zlib.
 
 use base64::Engine;
@@ -51,7 +51,8 @@ fn child<'a>(node: Node<'a, 'a>, name: &'static str) -> Result<Node<'a, 'a>, Mes
     node.children().find(|node| node.has_tag_name(name)).ok_or(MeshProblem::Missing(name))
 }
 
-/// The XML without what is appended, which need not be text, and what is appended, from behind its `_` on.
+/// Splits off the appended data. Returns the XML without it, as it need not be text, and the appended data from behind
+/// its `_` on.
 fn split(bytes: &[u8]) -> Result<(String, Option<&[u8]>), Flaw> {
     const TAG: &[u8] = b"<AppendedData";
     const WHAT: &str = "appended data";
@@ -69,16 +70,16 @@ fn split(bytes: &[u8]) -> Result<(String, Option<&[u8]>), Flaw> {
     };
     let text = std::str::from_utf8(head).map_err(|error| Flaw {
         place: Place::Byte(error.valid_up_to()),
-        problem: MeshProblem::Expected { what: "XML", found: "bytes that are no text".to_owned() },
+        problem: MeshProblem::Expected { what: "XML", found: "bytes that are not text".to_owned() },
     })?;
     let closing = if appended.is_some() { "</AppendedData></VTKFile>" } else { "" };
     Ok((text.to_owned() + closing, appended))
 }
 
-/// How arrays of this file are to be read.
+/// Settings by which the arrays of this file are read.
 struct Arrays<'a> {
     encoding: Encoding,
-    /// Of counts of bytes.
+    /// Type of the byte counts.
     header: Number,
     is_compressed: bool,
     appended: Option<&'a [u8]>,
@@ -113,7 +114,7 @@ impl<'a> Arrays<'a> {
         Ok(Self { encoding, header, is_compressed, appended, is_raw, budget })
     }
 
-    /// All numbers of an array.
+    /// Reads all numbers of an array.
     fn read<T>(
         &self,
         array: Node,
@@ -147,7 +148,7 @@ impl<'a> Arrays<'a> {
             }
             other => return Err(variety(other).into()),
         };
-        // The array's own end is the end of what is read here: the line is that of its element.
+        // Reading ends at the array's own end, so an error states the line of its element.
         let place = Place::Line(array.document().text_pos_at(array.range().start).row as usize);
         let placed = |flaw: Flaw| Flaw { place, ..flaw };
         let mut cursor = Cursor::new(&data, encoding);
@@ -158,7 +159,8 @@ impl<'a> Arrays<'a> {
         Ok(numbers)
     }
 
-    /// What stands behind the header: the count of bytes, or of blocks with their sizes before and after compression.
+    /// Returns the data behind the header, which holds the number of bytes, or of blocks with their sizes before and
+    /// after compression.
     fn payload(&self, bytes: &[u8]) -> Result<Vec<u8>, Flaw> {
         const WHAT: &str = "the data that the header of an array announces";
         let mut cursor = Cursor::new(bytes, self.encoding);
@@ -186,7 +188,7 @@ impl<'a> Arrays<'a> {
     }
 }
 
-/// Bytes from base64. Header and data may each have been written, and padded, on their own.
+/// Decodes base64. Header and data may each have been encoded, and padded, separately.
 fn decoded(text: &[u8]) -> Result<Vec<u8>, Flaw> {
     const ENGINE: GeneralPurpose = GeneralPurpose::new(
         &STANDARD,

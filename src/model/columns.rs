@@ -1,4 +1,4 @@
-//! Positions, velocities and forces of a network's nodes by axis, as its explicit steps want them.
+//! Positions, velocities and forces of a network's nodes by axis, the layout of its explicit steps.
 
 use std::ops::Range;
 
@@ -9,13 +9,13 @@ use super::simd::vectorize;
 use super::state::{ExternalForce, REST_SPEED, State};
 use crate::Vec3;
 
-/// Numbers in a line of cache, on common processors.
+/// Numbers per cache line on common processors.
 const LINE: usize = 8;
 
-/// Nine columns (x, v, f along three axes) of one number per node, in one piece of memory.
+/// Nine columns (x, v, f along three axes) of one number per node, in one allocation.
 ///
-/// Four nodes side by side are four numbers side by side, which is what vector instructions load. Every column begins at
-/// another set of the cache: with a power of two of nodes they would otherwise drive each other out of it, and steps take
+/// Four nodes side by side are four numbers side by side, as vector instructions load them. Every column begins at
+/// another set of the cache: with a power of two of nodes the columns would otherwise evict each other, and steps take
 /// 1.5 to 2.6 times as long (4,096 and 32,768 nodes).
 ///
 /// ```
@@ -37,7 +37,7 @@ pub struct Columns {
     stride: usize,
 }
 
-/// The columns one by one, all of one length.
+/// The separate columns, all of the same length.
 pub(crate) struct Axes<'a> {
     pub x: [&'a mut [f64]; 3],
     pub v: [&'a mut [f64]; 3],
@@ -45,9 +45,9 @@ pub(crate) struct Axes<'a> {
 }
 
 impl Columns {
-    /// For so many nodes, all zero.
+    /// Allocates zeros for this many nodes.
     pub fn new(nodes: usize) -> Self {
-        // Caches have a power of two of sets: multiples of an odd number of lines begin at different ones.
+        // Caches have a power of two of sets, so multiples of an odd number of lines begin at different sets.
         let stride = (nodes.div_ceil(LINE) | 1) * LINE;
         Self { values: vec![0.0; 9 * stride], stride }
     }
@@ -67,7 +67,7 @@ impl Columns {
         (0..3).for_each(|axis| self.values[(3 * quantity + axis) * self.stride + node] = value[axis]);
     }
 
-    /// Takes the positions and velocities of all nodes.
+    /// Copies in the positions and velocities of all nodes.
     pub fn load(&mut self, state: &State) {
         let Axes { x, v, .. } = self.axes();
         for (columns, rows) in [(x, &state.x), (v, &state.v)] {
@@ -77,7 +77,7 @@ impl Columns {
         }
     }
 
-    /// Gives back the positions and velocities of some.
+    /// Copies the positions and velocities of some nodes into the state.
     pub fn store(&self, nodes: Range<usize>, state: &mut State) {
         let mut columns = self.values.chunks_exact(self.stride);
         for rows in [&mut state.x[nodes.clone()], &mut state.v[nodes.clone()]] {
@@ -87,35 +87,35 @@ impl Columns {
         }
     }
 
-    /// Position and velocity of one node, m and m/s.
+    /// Returns the position, m, and velocity, m/s, of one node.
     pub fn node(&self, node: usize) -> (Vec3, Vec3) {
         (self.at(0, node), self.at(1, node))
     }
 
-    /// Sets them.
+    /// Sets the position, m, and velocity, m/s, of one node.
     pub fn place(&mut self, node: usize, x: &Vec3, v: &Vec3) {
         self.put(0, node, x);
         self.put(1, node, v);
     }
 
-    /// What stands in the last three columns: a force, N, or an acceleration, m/s², after `accelerate`.
+    /// Returns the last three columns of a node: a force, N, or after `accelerate` an acceleration, m/s².
     pub(crate) fn force(&self, node: usize) -> Vec3 {
         self.at(2, node)
     }
 
-    /// Sets it.
+    /// Sets the force on a node, N.
     pub(crate) fn set_force(&mut self, node: usize, f: &Vec3) {
         self.put(2, node, f);
     }
 
-    /// Positions and velocities of some nodes, column after column.
+    /// Copies positions and velocities of some nodes into a message, column by column.
     pub(crate) fn copy_to(&self, nodes: Range<usize>, message: &mut Vec<f64>) {
         message.clear();
         let columns = self.values.chunks_exact(self.stride).take(6);
         columns.for_each(|column| message.extend_from_slice(&column[nodes.clone()]));
     }
 
-    /// The same back. A message of another length is not taken.
+    /// Copies positions and velocities back from a message. A message of another length is ignored.
     pub(crate) fn copy_from(&mut self, nodes: Range<usize>, message: &[f64]) {
         if nodes.is_empty() || message.len() != 6 * nodes.len() {
             return;
@@ -124,12 +124,12 @@ impl Columns {
         columns.for_each(|(column, message)| column[nodes.clone()].copy_from_slice(message));
     }
 
-    /// Nothing acts on these nodes.
+    /// Sets the forces on some nodes to zero.
     pub(crate) fn clear_forces(&mut self, nodes: Range<usize>) {
         self.axes().f.into_iter().for_each(|f| f[nodes.clone()].fill(0.0));
     }
 
-    /// From the springs' forces on some nodes to their accelerations, a = M⁻¹(f + gravity and drag).
+    /// Turns the springs' forces on some nodes into accelerations, a = M⁻¹(f + gravity and drag).
     pub(crate) fn accelerate(&mut self, arch: Arch, network: &Network, nodes: Range<usize>) {
         let (mass, inverse_mass) = (&network.mass[nodes.clone()], &network.inverse_mass[nodes.clone()]);
         let Axes { v, f, .. } = self.axes();
@@ -147,7 +147,7 @@ impl Columns {
         });
     }
 
-    /// (11) for some nodes: v ← v + ha, x ← x + hv; then no forces.
+    /// Advances some nodes by (11), v ← v + ha, x ← x + hv, and clears their forces.
     pub(crate) fn advance(&mut self, arch: Arch, h: f64, nodes: Range<usize>) {
         let Axes { x, v, f } = self.axes();
         vectorize(arch, || {
@@ -162,7 +162,7 @@ impl Columns {
         });
     }
 
-    /// [`snap_to_rest`](super::network::snap_to_rest) for some nodes.
+    /// Applies [`snap_to_rest`](super::state::snap_to_rest) to some nodes.
     pub(crate) fn snap_to_rest(&mut self, arch: Arch, nodes: Range<usize>) {
         let v = self.axes().v;
         vectorize(arch, || {

@@ -1,4 +1,4 @@
-//! From the constants of a material to those of springs and nodes.
+//! Constants of springs and nodes from those of a material.
 //!
 //! Springs with central forces, of stiffness k, length L and direction n, store the energy of an elastic solid with
 //! C_ijkl = Σ k L² n_i n_j n_k n_l / V. That is symmetric in all four indices (Cauchy), so an isotropic network has
@@ -16,10 +16,10 @@ use crate::word::words;
 /// Poisson's ratio of every isotropic network of central springs.
 pub const POISSON_RATIO: f64 = 0.25;
 
-/// Below this share of the mean volume a tetrahedron is flat: what its springs would get is round-off.
+/// A tetrahedron below this share of the mean volume is flat: its springs' stiffness would be round-off.
 const FLAT: f64 = 1e-12;
 
-/// A constant of springs.
+/// A constant of the springs.
 ///
 /// ```
 /// use stickslip::model::material::PerSpring;
@@ -31,14 +31,14 @@ const FLAT: f64 = 1e-12;
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub enum PerSpring {
-    /// The same for all.
+    /// One value for all springs.
     Same(f64),
-    /// One for each edge of the mesh, in its order.
+    /// One value for each edge of the mesh, in its order.
     Each(Vec<f64>),
 }
 
 impl PerSpring {
-    /// How many values there are, if not one for all.
+    /// Number of values, unless there is one for all.
     pub(crate) fn count(&self) -> Option<usize> {
         match self {
             PerSpring::Same(_) => None,
@@ -46,8 +46,8 @@ impl PerSpring {
         }
     }
 
-    /// Of the spring along an edge; NaN where there is no value for it, of which no
-    /// [network](super::network::Network::new) can be made.
+    /// Returns the value for the spring along an edge. An edge without a value gives NaN, which no
+    /// [network](super::network::Network::new) accepts.
     pub fn at(&self, edge: usize) -> f64 {
         match self {
             PerSpring::Same(value) => *value,
@@ -55,7 +55,7 @@ impl PerSpring {
         }
     }
 
-    /// The smallest and the largest.
+    /// Returns the smallest and the largest value.
     pub fn range(&self) -> [f64; 2] {
         match self {
             PerSpring::Same(value) => [*value; 2],
@@ -94,7 +94,7 @@ impl DivAssign<f64> for PerSpring {
     }
 }
 
-/// The value, or the smallest and the largest.
+/// Prints the value, or the smallest and the largest.
 impl fmt::Display for PerSpring {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [smallest, largest] = self.range();
@@ -105,8 +105,8 @@ impl fmt::Display for PerSpring {
     }
 }
 
-/// How the springs of tetrahedra are told from Young's modulus. Tetrahedra do not fill space isotropically: neither is
-/// exact, and neither becomes so under refinement.
+/// Identification of the springs of tetrahedra from Young's modulus. Tetrahedra do not fill space isotropically:
+/// neither rule is exact, nor becomes so under refinement.
 ///
 /// ```
 /// use stickslip::model::material::{Bulk, Identification};
@@ -129,58 +129,56 @@ pub enum Identification {
     /// spring meshes", Journal of Graphics Tools 3(2), 1998.
     #[default]
     VanGelder,
-    /// k = E Σ (2√2/25) L over the tetrahedra around an edge: for a regular one the nearest to the solid in all entries
-    /// of C, 24/25 of what Van Gelder gives; in an irregular one a longer edge gets more. B. Lloyd, G. Székely,
-    /// M. Harders, "Identification of spring parameters for deformable object simulation", IEEE Transactions on
-    /// Visualization and Computer Graphics 13(5), 2007, for regular tetrahedra.
+    /// k = E Σ (2√2/25) L over the tetrahedra around an edge. For a regular tetrahedron this is nearest to the solid in
+    /// all entries of C, 24/25 of Van Gelder's value; in an irregular one a longer edge is stiffer. B. Lloyd, G.
+    /// Székely, M. Harders, "Identification of spring parameters for deformable object simulation", IEEE Transactions
+    /// on Visualization and Computer Graphics 13(5), 2007, for regular tetrahedra.
     Lloyd,
 }
 
 words!(Identification { VanGelder = "van-gelder", Lloyd = "lloyd" });
 
-/// Why a mesh cannot be given a material's constants.
+/// Reason why a mesh cannot be given a material's constants.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum MaterialError {
-    /// A lattice of edges alone.
-    #[error(
-        "a \"structural\" lattice resists no shear, so it has no Young's modulus; \"shear\" and \"full\" ones have"
-    )]
+    /// The lattice has only structural springs.
+    #[error("a \"structural\" lattice resists no shear, so it has no Young's modulus: use \"shear\" or \"full\"")]
     NoShear,
-    /// A surface.
-    #[error("the mesh is a surface: without tetrahedra it has no volume to be filled")]
+    /// The mesh is a surface.
+    #[error("the mesh is a surface: without tetrahedra it has no volume")]
     NoVolume,
-    /// A tetrahedron that is flat or turned inside out.
-    #[error("tetrahedron {index} has a volume of {volume:e} m³")]
+    /// A tetrahedron is flat or inverted.
+    #[error("tetrahedron {index} is flat or inverted: its volume is {volume:e} m³")]
     Flat {
-        /// Its number, from 0.
+        /// Index of the tetrahedron, from 0.
         index: usize,
-        /// m³.
+        /// Volume of the tetrahedron, m³.
         volume: f64,
     },
-    /// An edge of no tetrahedron.
+    /// An edge belongs to no tetrahedron.
     #[error("the spring between nodes {} and {} belongs to no tetrahedron", nodes[0], nodes[1])]
     Loose {
-        /// Its ends.
+        /// Nodes at the ends of the edge.
         nodes: [u32; 2],
     },
 }
 
-/// What fills the body whose springs and masses are looked for.
+/// Filling of the body whose springs and masses are computed.
 #[derive(Debug, Clone, Copy)]
 pub enum Bulk<'a> {
     /// The cells of a block's lattice.
     Lattice(&'a Block),
     /// A mesh's tetrahedra.
     Tetrahedra(&'a Mesh),
-    /// Nothing: a surface, or layers of one.
+    /// No filling: a surface, or layers of one.
     Shell,
 }
 
 impl Bulk<'_> {
-    /// k of every edge, N/m, for Young's modulus E in Pa. Lattices are isotropic, and take no identification.
+    /// Returns k of every edge, N/m, for Young's modulus E in Pa. Lattices are isotropic, and take no identification.
     ///
-    /// In a lattice of spacing a, a spring inside belongs to several cells, on the block's boundary to fewer: it gets
-    /// the share of the cells that are there. Any affine strain then has exactly the energy of the solid.
+    /// In a lattice of spacing a, a spring inside belongs to several cells, on the block's boundary to fewer: its
+    /// stiffness is in proportion to the cells that exist. Any affine strain then has exactly the energy of the solid.
     ///
     /// # Errors
     /// If the mesh resists no shear, or is not filled with tetrahedra.
@@ -207,7 +205,8 @@ impl Bulk<'_> {
         }
     }
 
-    /// The volume that each node stands for, m³: an equal part of every cell or tetrahedron at whose corner it is.
+    /// Returns the volume that each node stands for, m³: an equal part of every cell or tetrahedron of which it is a
+    /// corner.
     ///
     /// # Errors
     /// If the mesh is not filled with tetrahedra.
@@ -226,12 +225,11 @@ impl Bulk<'_> {
     }
 }
 
-/// k of springs along edges, face diagonals and body diagonals inside a lattice, N/m, from E·a.
+/// Returns k of springs along edges, face diagonals and body diagonals inside a lattice, N/m, from E·a.
 ///
-/// A cell has three of the first, six of the second, four of the third: with those k₁, k₂, k₃, a C₁₁ is
-/// k₁ + 2k₂ + 4k₃/3 and a C₁₂ = a C₄₄ is k₂ + 4k₃/3. Isotropic is C₁₁ = 3C₁₂, and C₄₄ = μ = 2E/5. Without body
-/// diagonals that leaves k₁ = k₂ = 2Ea/5; with them one choice, here that face and body diagonals give equal parts of
-/// μ.
+/// A cell has three of the first, six of the second, four of the third: with those k₁, k₂, k₃, a C₁₁ is k₁ + 2k₂ +
+/// 4k₃/3 and a C₁₂ = a C₄₄ is k₂ + 4k₃/3. Isotropy requires C₁₁ = 3C₁₂, and C₄₄ = μ = 2E/5. Without body diagonals this
+/// gives k₁ = k₂ = 2Ea/5; with them one choice is free, and here face and body diagonals contribute equally to μ.
 fn lattice_stiffness(stencil: Stencil, ea: f64) -> Result<[f64; 3], MaterialError> {
     match stencil {
         Stencil::Structural => Err(MaterialError::NoShear),
@@ -278,18 +276,18 @@ fn tetrahedral_stiffness(
     }
 }
 
-/// c of every edge, N·s/m: the fraction ζ of critical damping of the two nodes on their spring,
+/// Returns c of every edge, N·s/m: the fraction ζ of the critical damping of the two nodes on their spring,
 /// c = 2ζ√(k m_ij) with 1/m_ij = 1/m_i + 1/m_j, whether a node is fixed or not.
 ///
-/// It is ζ of that pair alone. In a network of equal springs and masses a mode of angular frequency ω is damped by
-/// ζω√(m/2k): the slowest by far less, the fastest by two or three times ζ.
+/// The ratio ζ holds for that pair alone. In a network of equal springs and masses a mode of angular frequency ω has
+/// the damping ratio ζω√(m/2k): far less for the slowest mode, two or three times ζ for the fastest.
 ///
 /// ```
 /// use stickslip::{Vec3, model::{material::pair_damping, mesh::Mesh}};
 ///
 /// let mesh = Mesh { nodes: vec![Vec3::zeros(), Vec3::x()], edges: vec![[0, 1]], ..Mesh::default() };
 /// let c = pair_damping(&mesh, &100.0.into(), &[1.0, 3.0], 0.5)[0];
-/// // Half of what is critical of two masses on a spring: c² = 4k m₁m₂/(m₁ + m₂).
+/// // Half of the critical damping of two masses on a spring: c² = 4k m₁m₂/(m₁ + m₂).
 /// assert!((c - 0.5 * (4.0 * 100.0 * 0.75_f64).sqrt()).abs() < 1e-14);
 /// ```
 pub fn pair_damping(mesh: &Mesh, stiffness: &PerSpring, node_mass: &[f64], ratio: f64) -> Vec<f64> {

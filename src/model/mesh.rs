@@ -3,44 +3,44 @@
 use crate::Vec3;
 use crate::word::words;
 
-/// Geometry only; masses and springs come with the [network](super::network::Network).
+/// A mesh: geometry only. Masses and springs belong to the [network](super::network::Network).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Mesh {
     /// Rest position of every node, m.
     pub nodes: Vec<Vec3>,
-    /// Pairs of nodes that a spring joins, each once.
+    /// Pairs of nodes joined by a spring, each once.
     pub edges: Vec<[u32; 2]>,
     /// Surface triangles, anticlockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
-    /// Tetrahedra that fill it, positively oriented: the first three nodes anticlockwise seen from the fourth. None for
-    /// blocks, whose cells fill them, and for shells.
+    /// Tetrahedra that fill the mesh, positively oriented: the first three nodes anticlockwise seen from the fourth.
+    /// Empty for blocks, which lattice cells fill, and for shells.
     pub tetrahedra: Vec<[u32; 4]>,
 }
 
 impl Mesh {
-    /// Volume of a tetrahedron with these corners, m³; negative if it is turned inside out.
+    /// Volume of a tetrahedron with these corners, m³; negative if it is inverted.
     pub fn tetrahedron_volume(&self, corners: [u32; 4]) -> f64 {
         let [a, b, c, d] = corners.map(|node| self.nodes[node as usize]);
         (b - a).cross(&(c - a)).dot(&(d - a)) / 6.0
     }
 }
 
-/// Which neighbours of a block's lattice are joined by springs.
+/// Neighbours in a block's lattice that springs join.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Stencil {
-    /// Lattice edges.
+    /// Neighbours along lattice edges.
     Structural,
-    /// And both diagonals of every lattice face.
+    /// Neighbours along lattice edges and both diagonals of every lattice face.
     #[default]
     Shear,
-    /// And the four diagonals of every lattice cell.
+    /// Neighbours along lattice edges, face diagonals and the four diagonals of every lattice cell.
     Full,
 }
 
 words!(Stencil { Structural = "structural", Shear = "shear", Full = "full" });
 
 impl Stencil {
-    /// Lattice steps to the later of the two nodes that an edge joins, one for each direction.
+    /// Lattice steps to the later of the two nodes that an edge joins, one per direction.
     fn offsets(self) -> &'static [[i64; 3]] {
         const ALL: [[i64; 3]; 13] = [
             [1, 0, 0],
@@ -65,7 +65,7 @@ impl Stencil {
     }
 }
 
-/// A rectangular block of lattice nodes, centred in x and y, its top layer at z = 0.
+/// A rectangular block of lattice nodes, centred in x and y, with its top layer at z = 0.
 ///
 /// Node (ix, iy, iz) has the index (iz·ny + iy)·nx + ix, and z grows with iz.
 ///
@@ -75,28 +75,28 @@ impl Stencil {
 /// let mesh = block.mesh();
 /// assert_eq!(mesh.nodes.len(), 324);
 /// assert_eq!(mesh.triangles.len(), 448);
-/// // A node at a corner stands for an eighth of a cell, and the edge along x from it belongs to one cell of four.
+/// // A corner node stands for an eighth of a cell, and the edge along x from it belongs to one cell instead of four.
 /// assert_eq!((block.boundary_directions(0), block.node_volumes()[0]), (3, 0.0125_f64.powi(3) / 8.0));
 /// assert_eq!((mesh.edges[0], block.edge_shares().next()), ([0, 1], Some((1, 0.25))));
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Block {
-    /// Nodes along x, y, z; at least two each.
+    /// Number of nodes along x, y, z; at least two each.
     pub nodes: [usize; 3],
     /// Distance between lattice neighbours, m.
     pub spacing: f64,
-    /// Which neighbours are joined.
+    /// Neighbours that springs join.
     pub stencil: Stencil,
 }
 
 impl Block {
-    /// Number of nodes, or `None` where it does not fit the address space.
+    /// Number of nodes; `None` if it does not fit the address space.
     pub fn node_count(&self) -> Option<usize> {
         let [nx, ny, nz] = self.nodes;
         nx.checked_mul(ny)?.checked_mul(nz)
     }
 
-    /// Number of springs for each lattice direction summed, without building anything.
+    /// Number of springs, summed over the lattice directions without building the mesh.
     ///
     /// ```
     /// use stickslip::model::mesh::{Block, Stencil};
@@ -116,18 +116,17 @@ impl Block {
             .fold(0, usize::saturating_add)
     }
 
-    /// Whether the node lies on the bottom layer.
+    /// Whether a node lies on the bottom layer.
     pub fn is_bottom(&self, node: usize) -> bool {
         node < self.nodes[0] * self.nodes[1]
     }
 
-    /// On how many of the three directions' boundaries each node lies: 0 inside, 1 on a face,
-    /// 2 on an edge, 3 at a corner.
+    /// Number of directions in which a node lies on the boundary: 0 inside, 1 on a face, 2 on an edge, 3 at a corner.
     pub fn boundary_directions(&self, node: usize) -> u32 {
         self.lattice(node).iter().zip(self.nodes).map(|(&i, count)| u32::from(i == 0 || i == count - 1)).sum()
     }
 
-    /// Volume that each node stands for, m³: a cell of the lattice, halved once for every boundary direction.
+    /// Volume that each node stands for, m³: a lattice cell, halved once for every boundary direction.
     pub fn node_volumes(&self) -> Vec<f64> {
         let cell = self.spacing.powi(3);
         (0..self.nodes.iter().product()).map(|node| cell / f64::from(1 << self.boundary_directions(node))).collect()
@@ -159,8 +158,9 @@ impl Block {
         Mesh { nodes, edges, triangles: self.surface_triangles(), tetrahedra: Vec::new() }
     }
 
-    /// Of every edge, in the mesh's order: along how many axes it goes (1 an edge of the lattice, 2 a face's diagonal,
-    /// 3 a cell's), and the share of the cells around it that the block has: 1 inside, less on the boundary.
+    /// Returns for every edge, in the mesh's order, the number of axes that it runs along (1 for an edge of the
+    /// lattice, 2 for a face's diagonal, 3 for a cell's), and the share of the cells around it that belong to the
+    /// block: 1 inside, less on the boundary.
     pub fn edge_shares(&self) -> impl Iterator<Item = (u8, f64)> + '_ {
         let count = self.nodes.iter().product();
         (0..count).flat_map(move |node| {
@@ -175,7 +175,7 @@ impl Block {
         })
     }
 
-    /// Steps along x, y, z from the first node.
+    /// Returns the steps along x, y, z from the first node.
     pub fn lattice(&self, node: usize) -> [usize; 3] {
         let [nx, ny, _] = self.nodes;
         [node % nx, node / nx % ny, node / (nx * ny)]
@@ -196,10 +196,10 @@ impl Block {
         Some(self.index(at))
     }
 
-    /// Two triangles for every lattice square of the six sides, top first. Every square is cut
-    /// along the same diagonal, so that inside a side every vertex has six neighbours.
+    /// Returns two triangles for every lattice square of the six sides, top first. Every square is cut along the same
+    /// diagonal, so that inside a side every vertex has six neighbours.
     fn surface_triangles(&self) -> Vec<[u32; 3]> {
-        // The side with `normal` fixed at its last (or first) layer; u × v points outwards.
+        // On each side, `normal` is fixed at its last (or first) layer; u × v points outwards.
         const SIDES: [(usize, bool, usize, usize); 6] =
             [(2, true, 0, 1), (2, false, 1, 0), (0, true, 1, 2), (0, false, 2, 1), (1, true, 2, 0), (1, false, 0, 2)];
         let mut triangles = Vec::new();

@@ -8,24 +8,24 @@ use super::springs::{Spring, Springs};
 use super::state::{ExternalForce, State};
 use crate::Vec3;
 
-/// What every node and spring of a network is made of.
+/// Constants of the nodes and springs of a network.
 #[derive(Debug, Clone)]
 pub struct Material {
     /// Mass of each node, kg.
     pub node_mass: Vec<f64>,
-    /// k of the springs, N/m.
+    /// Stiffness k of the springs, N/m.
     pub stiffness: PerSpring,
-    /// c of the springs, N·s/m.
+    /// Damping c of the springs, N·s/m.
     pub damping: PerSpring,
-    /// b of every node, N·s/m.
+    /// Drag b of every node, N·s/m.
     pub drag: f64,
-    /// g, m/s².
+    /// Gravity g, m/s².
     pub gravity: Vec3,
 }
 
 impl Material {
-    /// The same mass, kg, for every node and the same stiffness, N/m, and damping, N·s/m, for every spring; no gravity,
-    /// no drag.
+    /// Returns a material with one mass, kg, for all nodes and one stiffness, N/m, and damping, N·s/m, for all springs,
+    /// without gravity and drag.
     pub fn uniform(nodes: usize, node_mass: f64, stiffness: f64, damping: f64) -> Self {
         Self {
             node_mass: vec![node_mass; nodes],
@@ -37,25 +37,25 @@ impl Material {
     }
 }
 
-/// Why a mesh and a material make no network.
+/// Reason why a mesh and a material make no network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum NetworkError {
-    /// Not as many values as there are nodes or edges to take them.
-    #[error("`{quantity}` has {found} values, the mesh takes {needed}")]
+    /// The number of values differs from the number of nodes or edges.
+    #[error("`{quantity}` has {found} values; the mesh needs {needed}")]
     WrongCount {
-        /// Of what.
+        /// Name of the quantity.
         quantity: &'static str,
-        /// Values that are given.
+        /// Number of values given.
         found: usize,
-        /// Values that are needed.
+        /// Number of values needed.
         needed: usize,
     },
-    /// An edge or a triangle of a node that is not there.
-    #[error("the mesh has {nodes} nodes, but one of its edges or triangles names node {node}")]
+    /// An edge or a triangle names a node that does not exist.
+    #[error("the mesh has {nodes} nodes, but one of its edges or triangles refers to node {node}")]
     UnknownNode {
-        /// The one that is named.
+        /// Index of the named node.
         node: u32,
-        /// How many there are.
+        /// Number of nodes of the mesh.
         nodes: usize,
     },
 }
@@ -76,7 +76,7 @@ pub enum NetworkError {
 /// assert_eq!(network.links(13).len(), 8 + 9); // in the middle of the top: its layer and the one below
 /// assert_eq!((network.inverse_mass[0], network.inverse_mass[13]), (0.0, 100.0)); // the bottom is fixed
 ///
-/// // Stretched somehow, springs pull on each other: only the weight is left of their sum.
+/// // In any deformed state springs pull on each other, so only the weight remains in the sum of the forces.
 /// let mut state = network.rest_state();
 /// state.x[13] += Vec3::new(0.002, -0.001, 0.003);
 /// let mut f = vec![Vec3::zeros(); 18];
@@ -91,13 +91,13 @@ pub struct Network {
     pub rest: Vec<Vec3>,
     /// Node masses, kg.
     pub mass: Vec<f64>,
-    /// 1/m, and 0 for a fixed node: M⁻¹ of (2).
+    /// Inverse node masses, 1/kg, 0 for a fixed node: M⁻¹ of (2).
     pub inverse_mass: Vec<f64>,
-    /// Which nodes never move.
+    /// Whether each node is fixed.
     pub fixed: Vec<bool>,
     /// All springs.
     pub springs: Springs,
-    /// Gravity and drag, where there is any.
+    /// Gravity and drag, as far as the material has them.
     pub external: Vec<ExternalForce>,
     link_start: Vec<u32>,
     links: Vec<Link>,
@@ -116,8 +116,8 @@ impl Network {
     /// Joins the nodes of a mesh by springs whose rest length is the mesh's edge length.
     ///
     /// # Errors
-    /// If `node_mass` or `fixed` has not one entry for each node, `stiffness` or `damping` not one for all edges nor one
-    /// for each, or the mesh names a node that it does not have.
+    /// If `node_mass` or `fixed` does not have one entry per node, `stiffness` or `damping` has neither one entry for
+    /// all edges nor one per edge, or the mesh names a node that does not exist.
     pub fn new(mesh: &Mesh, material: &Material, fixed: Vec<bool>) -> Result<Self, NetworkError> {
         let (nodes, edges) = (mesh.nodes.len(), mesh.edges.len());
         let counts = [
@@ -154,7 +154,7 @@ impl Network {
         Ok(Self::from_parts(mesh.nodes.clone(), material.node_mass.clone(), fixed, &springs, external))
     }
 
-    /// A network of any springs, for instance one whose springs differ.
+    /// Builds a network from any springs, for instance from springs that differ.
     pub fn from_parts(
         rest: Vec<Vec3>,
         mass: Vec<f64>,
@@ -192,18 +192,18 @@ impl Network {
         self.rest.len()
     }
 
-    /// Springs that end on a node.
+    /// Returns the springs that end on a node.
     pub fn links(&self, node: u32) -> &[Link] {
         let i = node as usize;
         &self.links[self.link_start[i] as usize..self.link_start[i + 1] as usize]
     }
 
-    /// The state in which no spring is stretched and nothing moves.
+    /// Returns the state in which no spring is stretched and nothing moves.
     pub fn rest_state(&self) -> State {
         State { x: self.rest.clone(), v: vec![Vec3::zeros(); self.rest.len()] }
     }
 
-    /// Potential energy of the nodes that never move, J.
+    /// Potential energy of the fixed nodes, J.
     pub fn fixed_potential(&self) -> f64 {
         let nodes = self.fixed.iter().zip(&self.mass).zip(&self.rest).filter(|((fixed, _), _)| **fixed);
         let potential =
@@ -211,7 +211,7 @@ impl Network {
         nodes.fold(0.0, |sum, ((_, mass), x)| sum + potential(*mass, x))
     }
 
-    /// f(x, v) of (1), N. Fixed nodes get a force too; their M⁻¹ is zero.
+    /// Evaluates f(x, v) of (1), N. Fixed nodes have a force too; their M⁻¹ is zero.
     pub fn forces(&self, x: &[Vec3], v: &[Vec3], f: &mut [Vec3]) {
         f.fill(Vec3::zeros());
         self.springs.add_forces(x, v, f);

@@ -2,7 +2,7 @@
 
 use pulp::Arch;
 
-/// Does it with the vector instructions of `arch`, which change no result: the compiler fuses no operations.
+/// Runs `work` with the vector instructions of `arch`, which change no result: the compiler fuses no operations.
 #[inline(always)]
 pub(crate) fn vectorize(arch: Arch, work: impl FnOnce()) {
     match arch {

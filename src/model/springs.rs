@@ -1,4 +1,4 @@
-//! Damped springs: forces, Jacobians, energy, dissipation.
+//! Damped springs: forces, Jacobians, energy and dissipation.
 //!
 //! Between nodes i and j with d = x_j − x_i, ℓ = |d|, u = d/ℓ, ω = v_j − v_i:
 //! f_i = \[k(ℓ − L) + c(ω·u)\] u and f_j = −f_i.
@@ -14,7 +14,7 @@ use crate::word::words;
 use crate::{Mat3, Vec3};
 use sweep::{Constants, LANES, LENGTH_SQUARED_FLOOR, Packet, Rows, Section, sweep};
 
-/// One spring, as a value.
+/// A single spring, as a value.
 ///
 /// ```
 /// use stickslip::{Vec3, model::springs::{Spring, Springs, TangentKind}};
@@ -41,24 +41,24 @@ use sweep::{Constants, LANES, LENGTH_SQUARED_FLOOR, Packet, Rows, Section, sweep
 pub struct Spring {
     /// The two nodes.
     pub nodes: [u32; 2],
-    /// k, N/m.
+    /// Stiffness k, N/m.
     pub stiffness: f64,
-    /// c, N·s/m.
+    /// Damping c, N·s/m.
     pub damping: f64,
-    /// L, m.
+    /// Rest length L, m.
     pub rest_length: f64,
 }
 
-/// With fewer lanes in use, a packet is not worth its idle ones.
+/// A packet with fewer lanes in use than this is not worth its idle ones.
 const LEAST_LANES: usize = 3;
-/// The cut decides the order of sums, so small networks have none: those of the shipped scenes keep their bits, and at
-/// 10,000 springs two threads still need two thirds of the time of one.
+/// The cut decides the order of sums, so small networks have none: the results of the shipped scenes keep their bits,
+/// and at 10,000 springs two threads still need two thirds of the time of one.
 const LEAST_SPLIT: usize = 8192;
 
-/// What is swept at one time.
+/// Part of the springs that is swept at one time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Part {
-    /// Springs within the lower half of the nodes; all springs where there are no halves.
+    /// Springs within the lower half of the nodes; all springs if there are no halves.
     Lower,
     /// Springs within the upper half.
     Upper,
@@ -72,11 +72,11 @@ impl Part {
     pub const ALL: [Part; PARTS] = [Part::Lower, Part::Upper, Part::Seam];
 }
 
-/// A cut through a large network: the springs among the nodes below `split` and those among the others are about as many,
-/// and those that go across fewer than half.
+/// A cut through a large network. The springs among the nodes below `split` and those among the others are about
+/// equally many, and fewer than half of all cross the cut.
 ///
-/// It is there whether or not two threads use it, and sums follow it, so that the bits of a result do not
-/// depend on threads.
+/// The cut exists whether or not two threads use it, and sums follow it, so that the bits of a result do not depend on
+/// threads.
 ///
 /// ```
 /// use stickslip::model::{mesh::{Block, Stencil}, springs::{Spring, Springs}};
@@ -94,9 +94,9 @@ impl Part {
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Halves {
-    /// The first node of the upper half.
+    /// First node of the upper half.
     pub split: usize,
-    /// The nodes between which springs go from one half to the other, and what lies between them.
+    /// Range of the nodes on which springs across the cut end, including all between them.
     pub reach: Range<usize>,
 }
 
@@ -106,13 +106,12 @@ impl Halves {
     }
 }
 
-/// Many springs, laid out for the force sweep.
+/// A set of springs, laid out for the force sweep.
 ///
-/// Four consecutive nodes form a *block*; their springs to the four nodes at one distance in the
-/// numbering form a *packet*. A packet reads and writes both ends as contiguous runs, which suits
-/// vector instructions; lanes without a spring have k = c = 0. Springs that
-/// fill no packet are read and written one by one. The layout fixes the order of summation, and with it the
-/// bits of the result.
+/// Four consecutive nodes form a *block*; their springs to the four nodes at one distance in the numbering form a
+/// *packet*. A packet reads and writes both ends as contiguous runs, which suits vector instructions; lanes without a
+/// spring have k = c = 0. Springs that fill no packet are read and written one by one. The layout fixes the order of
+/// summation, and with it the bits of the result.
 ///
 /// ```
 /// use stickslip::{Vec3, model::springs::{Spring, Springs}};
@@ -133,19 +132,19 @@ impl Halves {
 /// ```
 #[derive(Debug, Clone, Default)]
 pub struct Springs {
-    /// Every spring, by its lower and then its upper node.
+    /// All springs, by their lower and then their upper node.
     all: Vec<Spring>,
-    /// What is swept, in the order of [`Part`].
+    /// Sections that are swept, in the order of [`Part`].
     sections: [Section; PARTS],
     halves: Option<Halves>,
-    /// Whether any spring has a damper; without, the damping term is not computed.
+    /// Whether any spring has a damper; if none has, the damping term is not computed.
     damped: bool,
 }
 
-/// How the geometric part of the elastic Jacobian is taken.
+/// Treatment of the geometric part of the elastic Jacobian.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum TangentKind {
-    /// As it is: a compressed spring pushes sideways, and K may be indefinite.
+    /// Unchanged: a compressed spring pushes sideways, and K may be indefinite.
     #[default]
     Exact,
     /// With 1 − L/ℓ clamped at zero, so that the elastic K stays negative semidefinite.
@@ -154,13 +153,13 @@ pub enum TangentKind {
 
 words!(TangentKind { Exact = "exact", Stabilised = "stabilised" });
 
-/// Where to cut so that both sides have equally many springs; nowhere if there are too few, or if most would go across,
-/// which both threads sweep.
+/// Returns the node at which both sides have equally many springs; `None` if there are too few springs, or if most
+/// would cross the cut, which both threads sweep.
 fn cut(springs: &[Spring], node_count: usize) -> Option<usize> {
     if springs.len() < LEAST_SPLIT {
         return None;
     }
-    // Springs whose lower node, and whose upper node, is each node.
+    // Numbers of springs whose lower node, and whose upper node, is each node.
     let mut ends = vec![[0_usize; 2]; node_count];
     for spring in springs {
         (0..2).for_each(|end| ends[spring.nodes[end] as usize][end] += 1);
@@ -226,7 +225,7 @@ impl Springs {
         }
     }
 
-    /// Where springs belong from a block of lower nodes to a run of upper ones.
+    /// Returns the part that springs from a block of lower nodes to a run of upper ones belong to.
     fn part(&mut self, first_node: usize, upper: Range<usize>) -> Part {
         match &mut self.halves {
             Some(halves) if first_node >= halves.split => Part::Upper,
@@ -239,7 +238,7 @@ impl Springs {
         }
     }
 
-    /// How two threads may share the springs; none where there are too few for that.
+    /// Returns how two threads may share the springs; `None` if there are too few.
     pub fn halves(&self) -> Option<&Halves> {
         self.halves.as_ref()
     }
@@ -249,7 +248,7 @@ impl Springs {
         self.all.len()
     }
 
-    /// Whether there is none.
+    /// Whether there is no spring.
     pub fn is_empty(&self) -> bool {
         self.all.is_empty()
     }
@@ -259,13 +258,13 @@ impl Springs {
         self.damped
     }
 
-    /// Every spring, by its lower and then its upper node.
+    /// Iterates over all springs, by their lower and then their upper node.
     pub fn iter(&self) -> impl Iterator<Item = Spring> + '_ {
         self.all.iter().copied()
     }
 
-    /// Adds every spring's force on its two nodes, N, with the widest vector instructions that the machine has. The
-    /// result does not depend on them.
+    /// Adds every spring's force on its two nodes, N, with the machine's widest vector instructions. The result does
+    /// not depend on them.
     pub fn add_forces(&self, x: &[Vec3], v: &[Vec3], f: &mut [Vec3]) {
         self.add_forces_on(Arch::new(), x, v, f);
     }
@@ -280,7 +279,7 @@ impl Springs {
         }
     }
 
-    /// The same for a part of the springs and nodes in columns.
+    /// Adds the forces of a part of the springs to nodes in columns.
     pub(crate) fn add_to_columns(&self, arch: Arch, part: Part, columns: &mut Columns) {
         let section = &self.sections[part as usize];
         if self.damped {
@@ -290,7 +289,7 @@ impl Springs {
         }
     }
 
-    /// ½ Σ k(ℓ − L)², J.
+    /// Elastic energy ½ Σ k(ℓ − L)², J.
     pub fn elastic_energy(&self, x: &[Vec3]) -> f64 {
         self.iter()
             .map(|s| {
@@ -301,7 +300,7 @@ impl Springs {
             .sum()
     }
 
-    /// Power the dampers take out, Σ c(ω·u)² ≥ 0, W.
+    /// Power dissipated by the dampers, Σ c(ω·u)² ≥ 0, W.
     pub fn damper_power(&self, x: &[Vec3], v: &[Vec3]) -> f64 {
         if !self.damped {
             return 0.0;
@@ -318,11 +317,10 @@ impl Springs {
 }
 
 impl Spring {
-    /// (∂f_i/∂d, ∂f_i/∂ω) of (4), with Π = I − uuᵀ:
-    /// k\[uuᵀ + (1 − L/ℓ)Π\] + c\[u(Πω)ᵀ + (ω·u)Π\]/ℓ and c uuᵀ.
+    /// Returns (∂f_i/∂d, ∂f_i/∂ω) of (4), with Π = I − uuᵀ: k\[uuᵀ + (1 − L/ℓ)Π\] + c\[u(Πω)ᵀ + (ω·u)Π\]/ℓ and c uuᵀ.
     ///
-    /// The damping part of the first is not symmetric. By the chain rule ∂f_i/∂x_j is the first
-    /// block itself, ∂f_i/∂x_i its negative, and f_j's are the negatives of f_i's.
+    /// The damping part of the first is not symmetric. By the chain rule ∂f_i/∂x_j is the first block itself, ∂f_i/∂x_i
+    /// its negative, and the blocks of f_j are the negatives of those of f_i.
     pub fn jacobian(&self, d: Vec3, omega: Vec3, kind: TangentKind) -> (Mat3, Mat3) {
         let length = (d.norm_squared() + LENGTH_SQUARED_FLOOR).sqrt();
         let u = d * (1.0 / length);
@@ -345,10 +343,10 @@ mod tests {
     use crate::model::mesh::{Block, Stencil};
     use crate::model::state::State;
 
-    /// Every level of vector instructions that this machine has gives the same bits.
+    /// All levels of vector instructions that this machine has give the same bits.
     #[test]
     fn bits_do_not_depend_on_vector_instructions() {
-        // Below and above the size from which there are halves.
+        // Sizes below and above the smallest one with halves.
         [[7, 6, 5], [11, 10, 9]].into_iter().for_each(bits_agree);
     }
 

@@ -2,12 +2,11 @@
 
 use crate::Vec3;
 
-/// Speeds below this, m/s, are rest. A decaying network otherwise passes through the subnormal
-/// numbers, where arithmetic is a hundred times slower; at this speed a node needs 1e12 s to move
-/// by the last bit of a position of 1 mm.
+/// Speeds below this, m/s, count as rest. A decaying network otherwise passes through the subnormal numbers, where
+/// arithmetic is a hundred times slower; at this speed a node needs 1e12 s to move by the last bit of 1 mm.
 pub const REST_SPEED: f64 = 1e-30;
 
-/// A force on single nodes, kept only where the scene has it.
+/// A force on single nodes, stored only if the scene has it.
 ///
 /// ```
 /// use stickslip::{Vec3, model::state::ExternalForce};
@@ -17,21 +16,21 @@ pub const REST_SPEED: f64 = 1e-30;
 /// gravity.add(&[2.0], &[Vec3::zeros()], &mut f);
 /// assert_eq!(f[0].z, -19.62);
 /// assert_eq!(gravity.potential(2.0, &Vec3::z()), 19.62); // mgz
-/// // Drag takes power b|v|².
+/// // Drag dissipates the power b|v|².
 /// let (v, mut f) = ([Vec3::new(3.0, 4.0, 0.0)], [Vec3::zeros()]);
 /// ExternalForce::Drag(0.1).add(&[2.0], &v, &mut f);
 /// assert!((f[0].dot(&v[0]) + 0.1 * 25.0).abs() < 1e-15);
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ExternalForce {
-    /// m g, with g in m/s².
+    /// Weight m g, with g in m/s².
     Gravity(Vec3),
-    /// −b v, with b in N·s/m.
+    /// Drag −b v, with b in N·s/m.
     Drag(f64),
 }
 
 impl ExternalForce {
-    /// Potential energy of a node, zero at z = 0 of a downward g, J.
+    /// Potential energy of a node, J, zero at z = 0 for a downward g.
     pub fn potential(&self, mass: f64, x: &Vec3) -> f64 {
         match self {
             ExternalForce::Gravity(g) => -mass * g.dot(x),
@@ -39,7 +38,7 @@ impl ExternalForce {
         }
     }
 
-    /// Adds the force on every node.
+    /// Adds the force on every node, N.
     pub fn add(&self, mass: &[f64], v: &[Vec3], f: &mut [Vec3]) {
         match self {
             ExternalForce::Gravity(g) => f.iter_mut().zip(mass).for_each(|(f, m)| *f += g * *m),
@@ -51,9 +50,9 @@ impl ExternalForce {
 /// Positions and velocities of every node.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct State {
-    /// m.
+    /// Positions, m.
     pub x: Vec<Vec3>,
-    /// m/s.
+    /// Velocities, m/s.
     pub v: Vec<Vec3>,
 }
 
@@ -68,7 +67,7 @@ pub struct State {
 /// ```
 pub fn snap_to_rest(v: &mut [Vec3]) {
     for component in bytemuck::cast_slice_mut::<Vec3, f64>(v) {
-        // A choice of values, not of whether to write: this becomes vector instructions.
+        // This selects a value instead of deciding whether to write, so that it compiles to vector instructions.
         *component = if component.abs() < REST_SPEED { 0.0 } else { *component };
     }
 }

@@ -1,11 +1,10 @@
-//! The surface as a triangle mesh: who is next to whom. Positions live elsewhere, because they
-//! move.
+//! The surface as a triangle mesh with adjacency. Positions are stored elsewhere, because they move.
 
 use thiserror::Error;
 
 use super::mesh::Mesh;
 
-/// Why a list of triangles is no surface one can touch.
+/// Reason why a list of triangles is no valid contact surface.
 #[derive(Debug, Error, PartialEq, Eq)]
 pub enum SurfaceError {
     /// A triangle names one node twice.
@@ -13,7 +12,7 @@ pub enum SurfaceError {
     RepeatedNode {
         /// Index of the triangle.
         triangle: usize,
-        /// Its nodes.
+        /// Nodes of the triangle.
         nodes: [u32; 3],
     },
     /// More than two triangles meet at an edge, or two with opposite orientation.
@@ -21,9 +20,9 @@ pub enum SurfaceError {
         "triangles {first} and {second} both run from node {from} to node {to}: the surface is not a consistently oriented manifold"
     )]
     NotManifold {
-        /// Where the shared half-edge starts.
+        /// Node at which the shared half-edge starts.
         from: u32,
-        /// Where it ends.
+        /// Node at which the shared half-edge ends.
         to: u32,
         /// First triangle that has it.
         first: u32,
@@ -32,22 +31,22 @@ pub enum SurfaceError {
     },
     /// Too many vertices around a triangle for the tables of a subdivision surface.
     #[error(
-        "surface triangle {triangle} with nodes {nodes:?} has {around} vertices around it: a subdivision surface takes at most {most}"
+        "surface triangle {triangle} with nodes {nodes:?} has {around} vertices around it: a subdivision surface allows at most {most}"
     )]
     Crowded {
         /// Index of the triangle.
         triangle: usize,
-        /// Its nodes.
+        /// Nodes of the triangle.
         nodes: [u32; 3],
-        /// Vertices that share a triangle with one of them, and they themselves.
+        /// Number of vertices that share a triangle with its nodes, the nodes included.
         around: usize,
-        /// As many as there may be.
+        /// Largest number allowed.
         most: usize,
     },
 }
 
-/// Oriented triangle surface with adjacency. Its *vertices* are the nodes that lie on it, numbered
-/// compactly in ascending node order.
+/// An oriented triangle surface with adjacency. Its *vertices* are the nodes that lie on it, numbered compactly in
+/// ascending node order.
 ///
 /// ```
 /// use stickslip::{model::mesh::{Block, Stencil}, model::topology::{Surface, SurfaceError}};
@@ -62,7 +61,7 @@ pub enum SurfaceError {
 /// let across = surface.neighbors[5][0].expect("it is closed") as usize;
 /// assert!(surface.neighbors[across].contains(&Some(5)));
 ///
-/// // A triangle that is seen from inside makes it no surface.
+/// // A reversed triangle makes the surface invalid.
 /// cube.triangles[5].swap(1, 2);
 /// assert!(matches!(Surface::new(&cube), Err(SurfaceError::NotManifold { .. })));
 /// # Ok::<(), SurfaceError>(())
@@ -73,7 +72,7 @@ pub struct Surface {
     pub vertex_node: Vec<u32>,
     /// Vertices of each triangle, anticlockwise from outside.
     pub triangles: Vec<[u32; 3]>,
-    /// Per triangle, the triangle across the edge opposite each vertex; `None` at a border.
+    /// Triangles across the edge opposite each vertex, per triangle; `None` at a border.
     pub neighbors: Vec<[Option<u32>; 3]>,
     incident_start: Vec<u32>,
     incident: Vec<u32>,
@@ -137,13 +136,13 @@ impl Surface {
         Ok(Self { vertex_node, triangles, neighbors, incident_start, incident })
     }
 
-    /// Triangles that meet at a vertex, ascending.
+    /// Returns the triangles that meet at a vertex, ascending.
     pub fn incident(&self, vertex: u32) -> &[u32] {
         let i = vertex as usize;
         &self.incident[self.incident_start[i] as usize..self.incident_start[i + 1] as usize]
     }
 
-    /// The three nodes of a triangle.
+    /// Returns the three nodes of a triangle.
     pub fn triangle_nodes(&self, triangle: u32) -> [u32; 3] {
         self.triangles[triangle as usize].map(|vertex| self.vertex_node[vertex as usize])
     }

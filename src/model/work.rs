@@ -1,10 +1,10 @@
-//! What a run computes, counted: a change of cost shows without a clock.
+//! Counts of the work of a run, which show a change of cost without a clock.
 
 use std::ops::Add;
 
 use serde::Serialize;
 
-/// Counts that depend on the scene and the program alone, never on the machine.
+/// Counts that depend only on the scene and the program, never on the machine.
 ///
 /// ```
 /// use stickslip::model::work::WorkCounts;
@@ -17,22 +17,22 @@ use serde::Serialize;
 /// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct WorkCounts {
-    /// Springs evaluated by ticks.
+    /// Number of springs evaluated by ticks.
     pub tick_springs: u64,
-    /// Products \[K D\] z by ticks.
+    /// Number of products \[K D\] z by ticks.
     pub matrix_products: u64,
-    /// Nodes whose displacement was added to the linear forces: three columns of K each.
+    /// Number of nodes whose displacement was added to the linear forces: three columns of K each.
     pub displaced_nodes: u64,
-    /// Triangles that collision detection tested.
+    /// Number of triangles tested by collision detection.
     pub triangles_tested: u64,
-    /// Springs evaluated by global cycles.
+    /// Number of springs evaluated by global cycles.
     pub cycle_springs: u64,
-    /// Local models built.
+    /// Number of local models built.
     pub models_built: u64,
 }
 
 impl WorkCounts {
-    /// Every count with its name.
+    /// Returns every count with its name.
     pub fn named(&self) -> [(&'static str, u64); 6] {
         [
             ("tick_springs", self.tick_springs),

@@ -1,70 +1,70 @@
-//! The energy book of a run: what the instrument put in, what is stored, what was dissipated.
+//! The energy balance of a run: work of the instrument, stored energy, dissipated energy.
 
 use crate::Vec3;
 use crate::contact::law::Mode;
 use crate::contact::report::TickReport;
 use crate::contact::simulation::LocalSimulation;
 
-/// Energies of the local model's nodes and springs, and what has flowed so far, J.
+/// Energies of the local model's nodes and springs, and accumulated work and losses, J.
 ///
-/// The geometric scheme moves nodes without work, so its book does not close: [`residual`] says by
-/// how much. Changes of the stored energy are counted within ticks; what a hand-over changes by
-/// exchanging the model is left out.
+/// The geometric scheme moves nodes without work, so its energy balance does not close: [`residual`] is the energy
+/// residual. Changes of the stored energy are counted within ticks; the change due to the exchange of the model at a
+/// hand-over is omitted.
 ///
-/// [`residual`]: EnergyBook::residual
+/// [`residual`]: EnergyBalance::residual
 ///
 /// ```
-/// use stickslip::{Vec3, contact::rules::Scheme, multirate::energy::EnergyBook, pipeline::Simulation, scene::Scene};
+/// use stickslip::{Vec3, contact::rules::Scheme, multirate::energy::EnergyBalance, pipeline::Simulation, scene::Scene};
 ///
 /// let mut scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
-/// scene.contact.scheme = Scheme::Velocity; // the scheme that keeps the book
+/// scene.contact.scheme = Scheme::Velocity; // the scheme whose energy balance closes
 /// let mut local = Simulation::prepare(&scene)?.into_sides().servo.into_local();
-/// let mut book = EnergyBook::new(0.0);
-/// book.take_stock(&local);
+/// let mut balance = EnergyBalance::new(0.0);
+/// balance.take_stock(&local);
 /// let mut tip = Vec3::new(-0.03, 0.0013, 0.0005);
 /// for _ in 0..100 {
 ///     let next = tip - Vec3::z() * 1e-5; // 10 mm/s
 ///     let report = local.tick(tip, next);
-///     book.book(&local, &report, tip, next, scene.tick_s());
+///     balance.add_tick(&local, &report, tip, next, scene.tick_s());
 ///     tip = next;
 /// }
-/// assert!(book.work > 0.0 && book.elastic > 0.0 && book.damping_loss > 0.0);
-/// assert!(book.residual().abs() < 0.05 * book.absolute_work);
+/// assert!(balance.work > 0.0 && balance.elastic > 0.0 && balance.damping_loss > 0.0);
+/// assert!(balance.residual().abs() < 0.05 * balance.absolute_work);
 /// # Ok::<(), stickslip::scene::SceneError>(())
 /// ```
 #[derive(Debug, Clone, Copy, Default)]
-pub struct EnergyBook {
-    /// ½ Σ m v².
+pub struct EnergyBalance {
+    /// Kinetic energy ½ Σ m v², J.
     pub kinetic: f64,
-    /// ½ Σ k(ℓ − L)².
+    /// Elastic energy ½ Σ k(ℓ − L)², J.
     pub elastic: f64,
-    /// −Σ m g·x.
+    /// Gravitational energy −Σ m g·x, J.
     pub gravitational: f64,
-    /// −Σ f·(q₁ − q₀): what the instrument put in.
+    /// Work of the instrument, −Σ f·(q₁ − q₀), J.
     pub work: f64,
-    /// Σ |f·(q₁ − q₀)|.
+    /// Sum of the magnitudes of the work, Σ |f·(q₁ − q₀)|, J.
     pub absolute_work: f64,
-    /// By dampers and drag; trapezoidal over a tick.
+    /// Energy dissipated by dampers and drag, trapezoidal over a tick, J.
     pub damping_loss: f64,
-    /// By slipping: −f·(the tip's way − the contact point's way).
+    /// Energy dissipated by slipping, −f·(displacement of the tip − displacement of the contact point), J.
     pub friction_loss: f64,
-    /// By impacts: ½ Δvᵀ M Δv of every tick of the velocity scheme. Where the tip meets the mesh, or changes
-    /// its speed at once, masses start or stop inelastically; elsewhere it vanishes with the step.
+    /// Energy dissipated by impacts, J: ½ Δvᵀ M Δv of every tick of the velocity scheme. Where the tip meets the mesh,
+    /// or changes its speed at once, masses start or stop inelastically; elsewhere the loss vanishes with the step.
     pub impact_loss: f64,
-    /// Change of kinetic, elastic and gravitational energy within ticks.
+    /// Change of kinetic, elastic and gravitational energy within ticks, J.
     pub stored: f64,
     power: f64,
-    /// Potential energy of what never moves.
+    /// Potential energy of the fixed nodes, J.
     ground: f64,
 }
 
-impl EnergyBook {
-    /// An empty book; `ground` is the potential energy of fixed nodes that are to be counted in, J.
+impl EnergyBalance {
+    /// Creates an empty balance; `ground` is the potential energy of fixed nodes to include, J.
     pub fn new(ground: f64) -> Self {
         Self { ground, ..Self::default() }
     }
 
-    /// Takes stock of a model that has just come into use.
+    /// Records the energies of a model that has just come into use.
     pub fn take_stock(&mut self, local: &LocalSimulation) {
         let (model, state) = (local.model(), local.state());
         self.kinetic = model.kinetic_energy(&state.v);
@@ -73,12 +73,12 @@ impl EnergyBook {
         self.power = model.dissipated_power(&state.x, &state.v);
     }
 
-    /// Books a tick of length `step`, s, that has just been done.
-    pub fn book(&mut self, local: &LocalSimulation, report: &TickReport, q0: Vec3, q1: Vec3, step: f64) {
+    /// Adds a tick of `tick_s` seconds that has just been completed.
+    pub fn add_tick(&mut self, local: &LocalSimulation, report: &TickReport, q0: Vec3, q1: Vec3, tick_s: f64) {
         let (before, power_before) = (self.total(), self.power);
         self.take_stock(local);
         self.stored += self.total() - before;
-        self.damping_loss += 0.5 * (power_before + self.power) * step;
+        self.damping_loss += 0.5 * (power_before + self.power) * tick_s;
         self.impact_loss += local.impact_loss();
         let work = -report.force.dot(&(q1 - q0));
         self.work += work;
@@ -94,7 +94,7 @@ impl EnergyBook {
         self.kinetic + self.elastic + self.gravitational
     }
 
-    /// Work − stored − dissipated.
+    /// Returns the energy residual: work − stored − dissipated, J.
     pub fn residual(&self) -> f64 {
         self.work - self.stored - self.damping_loss - self.friction_loss - self.impact_loss
     }

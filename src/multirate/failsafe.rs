@@ -1,5 +1,4 @@
-//! The last station before the device: what reaches it is finite and within its limit, and a state
-//! that has run away latches a fault.
+//! The fail-safe before the device: it passes on finite forces only, and latches a fault when the state diverges.
 
 use thiserror::Error;
 
@@ -13,70 +12,71 @@ use crate::device::phantom::DeviceError;
 use crate::local::error::ModelError;
 use crate::model::state::State;
 
-/// A node further from its rest place than this many diagonals of the rest mesh has run away.
+/// A node has diverged if its displacement exceeds this many diagonals of the rest mesh.
 const RUNAWAY_DIAGONALS: f64 = 10.0;
 
-/// What went wrong.
+/// The cause of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
-pub enum Cause {
+#[non_exhaustive]
+pub enum FaultCause {
     /// The force to be commanded is NaN or infinite.
     #[error("the contact force is not finite")]
     ForceNotFinite,
     /// A node's position or velocity is NaN or infinite.
     #[error("the state of node {node} is not finite")]
     StateNotFinite {
-        /// The node.
+        /// Index of the node.
         node: u32,
     },
     /// The model of the next cycle cannot be built.
     #[error(transparent)]
     NoModel(ModelError),
-    /// The instrument has left the range in which it can be simulated.
+    /// The instrument left the range in which it can be simulated.
     #[error(transparent)]
     Device(#[from] DeviceError),
-    /// An instrument of one's own cannot go on.
+    /// A custom instrument failed.
     #[error(transparent)]
     Instrument(InstrumentFault),
-    /// A renderer of one's own cannot go on.
+    /// A custom renderer failed.
     #[error(transparent)]
     Renderer(RendererFault),
-    /// A node is too far from its rest place.
-    #[error("node {node} ran away: {distance_m:.3} m from its rest place, more than {limit_m:.3} m")]
+    /// A node is too far from its rest position.
+    #[error("node {node} diverged: {distance_m:.3} m from its rest position, more than {limit_m:.3} m")]
     Runaway {
-        /// The node.
+        /// Index of the node.
         node: u32,
-        /// How far it is.
+        /// Distance from the rest position, m.
         distance_m: f64,
-        /// How far it may be.
+        /// Largest distance accepted, m.
         limit_m: f64,
     },
 }
 
-/// The end of a run: when, why, and in which state.
+/// The fault that ended a run: its tick, its cause and the state.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[error(
-    "fault at tick {tick}: {cause} (mode {mode}, force [{:e}, {:e}, {:e}] N, tip [{}, {}, {}] m, model {model_age} ticks old)",
+    "fault at tick {tick}: {cause} (mode {mode}, force [{:.4e}, {:.4e}, {:.4e}] N, tip [{:.6}, {:.6}, {:.6}] m, model {model_age} ticks old)",
     force.x, force.y, force.z, tip.x, tip.y, tip.z
 )]
 pub struct Fault {
-    /// The tick that was being done.
+    /// Number of the tick in which the fault occurred.
     pub tick: u64,
-    /// Why.
-    pub cause: Cause,
-    /// Its mode.
+    /// Cause of the fault.
+    pub cause: FaultCause,
+    /// Contact mode of the tick.
     pub mode: &'static str,
-    /// The force it would have commanded, N.
+    /// The contact force of the tick, N, which is not commanded.
     pub force: Vec3,
-    /// The tip at its end, m.
+    /// Tip position at the end of the tick, m.
     pub tip: Vec3,
-    /// Age of the local model.
+    /// Age of the local model, ticks.
     pub model_age: u64,
 }
 
-/// How far nodes may go from their rest places.
+/// Bounds on the displacement of nodes.
 ///
 /// ```
-/// use stickslip::multirate::failsafe::{Bounds, Cause};
+/// use stickslip::multirate::failsafe::{Bounds, FaultCause};
 /// use stickslip::{Vec3, model::state::State};
 ///
 /// let rest = [Vec3::zeros(), Vec3::x() * 0.1]; // a diagonal of 0.1 m
@@ -84,9 +84,9 @@ pub struct Fault {
 /// let mut state = State { x: rest.to_vec(), v: vec![Vec3::zeros(); 2] };
 /// assert_eq!(bounds.network_cause(&rest, &state), None);
 /// state.x[1].x = 1.2;
-/// assert!(matches!(bounds.network_cause(&rest, &state), Some(Cause::Runaway { node: 1, .. })));
+/// assert!(matches!(bounds.network_cause(&rest, &state), Some(FaultCause::Runaway { node: 1, .. })));
 /// state.v[0].z = f64::NAN;
-/// assert_eq!(bounds.network_cause(&rest, &state), Some(Cause::StateNotFinite { node: 0 }));
+/// assert_eq!(bounds.network_cause(&rest, &state), Some(FaultCause::StateNotFinite { node: 0 }));
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
@@ -94,26 +94,26 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// For a mesh at rest at these positions.
+    /// Sets bounds for a mesh with these rest positions.
     pub fn new(rest: &[Vec3]) -> Self {
         let lower = rest.iter().copied().reduce(|a, b| a.inf(&b)).unwrap_or_default();
         let upper = rest.iter().copied().reduce(|a, b| a.sup(&b)).unwrap_or_default();
         Self { runaway_m: RUNAWAY_DIAGONALS * (upper - lower).norm() }
     }
 
-    /// What is wrong with a network at a boundary: the exterior moves only there, so every node is looked at.
-    pub fn network_cause(self, rest: &[Vec3], state: &State) -> Option<Cause> {
+    /// Finds a fault of the network at a boundary. The exterior moves only there, so every node is checked.
+    pub fn network_cause(self, rest: &[Vec3], state: &State) -> Option<FaultCause> {
         let mut nodes = (0..).zip(rest).zip(state.x.iter().zip(&state.v));
         nodes.find_map(|((node, rest), (x, v))| self.node_cause(node, rest, x, v))
     }
 
-    /// What is wrong with a tick.
-    fn tick_cause(self, local: &LocalSimulation, report: &TickReport) -> Option<Cause> {
+    /// Finds a fault of a tick.
+    fn tick_cause(self, local: &LocalSimulation, report: &TickReport) -> Option<FaultCause> {
         if let Some(fault) = local.renderer_fault() {
-            return Some(Cause::Renderer(fault));
+            return Some(FaultCause::Renderer(fault));
         }
         if !report.force.norm().is_finite() {
-            return Some(Cause::ForceNotFinite);
+            return Some(FaultCause::ForceNotFinite);
         }
         let patch = &local.model().patch;
         let state = local.state();
@@ -121,22 +121,22 @@ impl Bounds {
         nodes.find_map(|((&node, rest), (x, v))| self.node_cause(node, rest, x, v))
     }
 
-    fn node_cause(self, node: u32, rest: &Vec3, x: &Vec3, v: &Vec3) -> Option<Cause> {
+    fn node_cause(self, node: u32, rest: &Vec3, x: &Vec3, v: &Vec3) -> Option<FaultCause> {
         let distance_m = (x - rest).norm();
         if !(distance_m.is_finite() && v.iter().all(|v| v.is_finite())) {
-            Some(Cause::StateNotFinite { node })
+            Some(FaultCause::StateNotFinite { node })
         } else if distance_m > self.runaway_m {
-            Some(Cause::Runaway { node, distance_m, limit_m: self.runaway_m })
+            Some(FaultCause::Runaway { node, distance_m, limit_m: self.runaway_m })
         } else {
             None
         }
     }
 }
 
-/// Checks every tick; once it has found a fault it commands zero for good.
+/// The fail-safe: it checks every tick, and after the first fault commands zero for good.
 ///
 /// ```
-/// use stickslip::multirate::failsafe::{Bounds, Cause, FailSafe};
+/// use stickslip::multirate::failsafe::{Bounds, FaultCause, FailSafe};
 /// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
 ///
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
@@ -150,10 +150,10 @@ impl Bounds {
 /// assert_eq!(fail_safe.command(0, tip, &local, &report), Ok(Vec3::zeros()));
 /// report.force.x = f64::NAN;
 /// let fault = fail_safe.command(1, tip, &local, &report).expect_err("NaN must not reach a device");
-/// assert_eq!((fault.tick, fault.cause), (1, Cause::ForceNotFinite));
+/// assert_eq!((fault.tick, fault.cause), (1, FaultCause::ForceNotFinite));
 /// report.force.x = 0.0;
 /// assert_eq!(fail_safe.command(2, tip, &local, &report).map_err(|fault| fault.tick), Err(1)); // for good
-/// assert_eq!(fail_safe.latch(3, tip, Cause::StateNotFinite { node: 0 }).tick, 1); // the first is told
+/// assert_eq!(fail_safe.latch(3, tip, FaultCause::StateNotFinite { node: 0 }).tick, 1); // the first is reported
 /// # Ok::<(), stickslip::scene::SceneError>(())
 /// ```
 #[derive(Debug, Clone, Copy)]
@@ -163,15 +163,15 @@ pub struct FailSafe {
 }
 
 impl FailSafe {
-    /// Nothing is wrong yet.
+    /// Creates a fail-safe without a fault.
     pub fn new(bounds: Bounds) -> Self {
         Self { bounds, latched: None }
     }
 
-    /// The force to command after a tick.
+    /// Returns the force to command after a tick, N.
     ///
     /// # Errors
-    /// With the fault, in this tick and every later one.
+    /// If a fault occurs in this tick or has occurred in an earlier one.
     pub fn command(
         &mut self,
         tick: u64,
@@ -192,8 +192,8 @@ impl FailSafe {
         }
     }
 
-    /// A fault that shows outside of ticks: at a boundary.
-    pub fn latch(&mut self, tick: u64, tip: Vec3, cause: Cause) -> Fault {
+    /// Latches a fault found outside of ticks, as at a boundary.
+    pub fn latch(&mut self, tick: u64, tip: Vec3, cause: FaultCause) -> Fault {
         let fault = Fault { tick, cause, mode: Mode::Free.name(), force: Vec3::zeros(), tip, model_age: 0 };
         *self.latched.get_or_insert(fault)
     }

@@ -1,13 +1,13 @@
-//! The global cycle: what comes up from the local side at a boundary, how the network catches up
-//! with the cycle just past, and the model that goes down.
+//! The global cycle: it takes the past cycle from the local side, integrates the network over it, and builds the next
+//! local model.
 
 use std::sync::Arc;
 
 use thiserror::Error;
 
-use super::failsafe::{Bounds, Cause};
+use super::failsafe::{Bounds, FaultCause};
 use super::messages::{CycleMessage, ModelMessage};
-use super::trajectory::{Keep, Pushed, Replayed, Trajectory};
+use super::trajectory::{PathRecording, PrescribedPatch, Pushed, Trajectory};
 use crate::Vec3;
 use crate::contact::renderer::{Body, BodyState, Renderer, RendererFault, RendererModel};
 use crate::contact::rules::RIGID_BELOW;
@@ -25,14 +25,14 @@ use crate::surface::subdivision::LARGEST_SUPPORT;
 use crate::surface::support::{Metric, Support};
 use crate::word::words;
 
-/// How the network takes in what happened in the local model.
+/// How the network takes over the local model's motion in a cycle.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum SyncMode {
     /// The exterior is integrated with the patch prescribed along its recorded path.
     #[default]
     Replay,
-    /// The whole network is integrated with the contact point of the cycle's start held still,
-    /// then the patch is overwritten (the paper's words).
+    /// The whole network is integrated with the contact point of the cycle's start held fixed,
+    /// then the patch is overwritten, as in the paper's text.
     Overwrite,
 }
 
@@ -41,23 +41,23 @@ words!(SyncMode { Replay = "replay", Overwrite = "overwrite" });
 /// The constant settings of the global side.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CycleSettings {
-    /// How it catches up.
+    /// How the network takes over the local model's motion.
     pub sync: SyncMode,
-    /// How it integrates.
+    /// Integrator of the network.
     pub integrator: GlobalIntegrator,
-    /// Equal steps per cycle.
+    /// Number of equal steps per cycle.
     pub substeps: u32,
-    /// Threads that share them.
+    /// Number of threads that share the steps.
     pub threads: Threads,
-    /// Ticks per cycle.
+    /// Number of ticks per cycle.
     pub ticks_per_cycle: u32,
-    /// h, s.
+    /// Local tick h, s.
     pub tick_s: f64,
-    /// The inner product of P under [`SyncMode::Overwrite`].
+    /// Inner product of P under [`SyncMode::Overwrite`].
     pub metric: Metric,
 }
 
-/// The contact point stands still: P on accelerations and velocities.
+/// Constraint that holds the contact point fixed, by P on accelerations and velocities.
 struct Held<'a> {
     support: &'a Support,
     nodes: &'a [u32],
@@ -81,13 +81,13 @@ impl Constraint for Held<'_> {
     }
 }
 
-/// Why there is no model of the next cycle.
+/// A reason why there is no model for the next cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum BuildError {
-    /// The local model cannot be built, or the network was not brought over the cycle.
+    /// The local model cannot be built, or the network could not be integrated over the cycle.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// A renderer of one's own has none.
+    /// A custom renderer has no model.
     #[error(transparent)]
     Renderer(#[from] RendererFault),
 }
@@ -95,15 +95,15 @@ pub enum BuildError {
 /// The global side: the network, its state, and the builder of local models.
 ///
 /// ```
-/// use stickslip::{multirate::messages::{CycleMessage, ModelMessage}, multirate::trajectory::{Keep, Trajectory}};
+/// use stickslip::{multirate::messages::{CycleMessage, ModelMessage}, multirate::trajectory::{PathRecording, Trajectory}};
 /// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
 ///
 /// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
 /// let sides = Simulation::prepare(&scene)?.into_sides();
 /// let (mut global, mut local) = (sides.global.into_simulation(), sides.servo.into_local());
-/// // One cycle: the tip goes 1 mm into the block.
+/// // In one cycle the tip moves 1 mm into the block.
 /// let mut tip = Vec3::new(-0.03, 0.0013, 0.0);
-/// let mut trajectory = Trajectory::new(Keep::Path);
+/// let mut trajectory = Trajectory::new(PathRecording::EveryTick);
 /// trajectory.begin(local.model(), local.state(), 0, 100);
 /// for _ in 0..100 {
 ///     let next = tip - Vec3::z() * 1e-5;
@@ -116,7 +116,7 @@ pub enum BuildError {
 /// let patch = &local.model().patch;
 /// assert!((0..patch.len()).all(|slot| global.state().x[patch.nodes[slot] as usize] == local.state().x[slot]));
 /// // and the next model starts there.
-/// let ModelMessage { model, state } = global.build_model(tip)?;
+/// let ModelMessage { model, state, .. } = global.build_model(tip)?;
 /// local.hand_over(model, state, 0, tip);
 /// assert_eq!(local.model_age(), 0);
 /// assert_eq!(global.work().models_built, 2);
@@ -130,30 +130,30 @@ pub struct GlobalSimulation {
     builder: LocalModelBuilder,
     state: State,
     stepper: Stepper,
-    /// At the start of the cycle that runs now.
+    /// Contact at the start of the current cycle.
     contact: Option<Contact>,
     models_built: u64,
     renderer: Option<Box<dyn Renderer>>,
 }
 
 impl GlobalSimulation {
-    /// The network in the state in which it starts.
+    /// Creates the global side with the network in its initial state.
     pub fn new(settings: CycleSettings, network: Arc<Network>, builder: LocalModelBuilder, state: State) -> Self {
         let stepper = Stepper::new(&network);
         Self { settings, network, builder, state, stepper, contact: None, models_built: 0, renderer: None }
     }
 
-    /// The same with a renderer of one's own in place of the local model.
+    /// Uses a custom renderer in place of the local model.
     pub fn with_renderer(self, renderer: Box<dyn Renderer>) -> Self {
         Self { builder: self.builder.without_patch(), renderer: Some(renderer), ..self }
     }
 
-    /// The network's state at the last boundary.
+    /// Returns the network's state at the last boundary.
     pub fn state(&self) -> &State {
         &self.state
     }
 
-    /// What it has computed so far.
+    /// Returns the counts of computed operations so far.
     pub fn work(&self) -> WorkCounts {
         WorkCounts {
             cycle_springs: self.stepper.evaluations() * self.network.springs.len() as u64,
@@ -162,31 +162,35 @@ impl GlobalSimulation {
         }
     }
 
-    /// What became of the models so far, if their exterior is condensed.
+    /// Returns counts of the condensations so far; `None` if the exterior is not condensed.
     pub fn condensation(&self) -> Option<CondensationCounts> {
         self.builder.condensation()
     }
 
-    /// Brings the network over the cycle just past.
+    /// Integrates the network over the past cycle.
     ///
     /// # Errors
     /// If an implicit step has no solution.
-    pub fn catch_up(&mut self, message: &CycleMessage) -> Result<(), ModelError> {
+    pub fn catch_up(&mut self, message: &CycleMessage) -> Result<(), BuildError> {
+        if self.renderer.is_some() {
+            message.trajectory.patches().try_for_each(|nodes| self.check_moved(nodes))?;
+        }
         match self.settings.sync {
             SyncMode::Replay => self.replay(&message.trajectory),
             SyncMode::Overwrite => self.overwrite(&message.trajectory),
         }
         if let Some(error) = self.stepper.failure() {
-            return Err(ModelError::NotSolved(error));
+            return Err(ModelError::NotSolved(error).into());
         }
         self.contact = message.contact;
         Ok(())
     }
 
-    /// The model of the network as it is, around the contact point, or around the tip where there is none.
+    /// Builds the model of the network in its present state, around the contact point, or around the tip without
+    /// contact.
     ///
     /// # Errors
-    /// If it cannot be built.
+    /// If the model cannot be built.
     pub fn build_model(&mut self, tip: Vec3) -> Result<ModelMessage, BuildError> {
         let point = self.contact.map(|contact| contact.point);
         let around = point.map_or(tip, |point| self.position(&point));
@@ -196,13 +200,24 @@ impl GlobalSimulation {
         Ok(ModelMessage { model, state, renderer: self.build_rendered(tip)? })
     }
 
-    /// The model of a renderer of one's own, if there is one.
+    /// Builds the model of a custom renderer, if there is one.
     fn build_rendered(&mut self, tip: Vec3) -> Result<Option<Box<dyn RendererModel>>, BuildError> {
         let Some(renderer) = &mut self.renderer else { return Ok(None) };
         let body = Body { network: &self.network, surface: self.builder.surface() };
         let contact = self.contact.map(|contact| contact.point);
         let state = BodyState { x: &self.state.x, v: &self.state.v, tip, contact };
-        Ok(Some(renderer.build(body, state)?))
+        let model = renderer.build(body, state)?;
+        self.check_moved(model.moved().map_or(&[][..], |moved| moved.nodes))?;
+        Ok(Some(model))
+    }
+
+    /// Refuses nodes of a custom renderer that do not exist or never move.
+    fn check_moved(&self, nodes: &[u32]) -> Result<(), RendererFault> {
+        if nodes.iter().all(|&node| self.network.fixed.get(node as usize) == Some(&false)) {
+            Ok(())
+        } else {
+            Err(RendererFault("it moves nodes that are fixed or that the body does not have"))
+        }
     }
 
     fn position(&self, point: &ContactPoint) -> Vec3 {
@@ -211,15 +226,17 @@ impl GlobalSimulation {
 
     fn replay(&mut self, trajectory: &Trajectory) {
         let CycleSettings { ticks_per_cycle: ticks, substeps, .. } = self.settings;
-        match trajectory.keeps() {
-            Keep::Path => self.integrate(|substep| Replayed { trajectory, substep, ticks, substeps }),
-            Keep::Push => {
+        match trajectory.recording() {
+            PathRecording::EveryTick => {
+                self.integrate(|substep| PrescribedPatch { trajectory, substep, ticks, substeps })
+            }
+            PathRecording::Forces => {
                 let (surface, network) = (self.builder.surface().clone(), self.network.clone());
                 let pushed =
                     |substep| Pushed::new(trajectory, &surface, &network.inverse_mass, substep, ticks, substeps);
                 self.integrate(pushed);
             }
-            Keep::End => {}
+            PathRecording::LastTick => {}
         }
         trajectory.finish(&mut self.state);
     }
@@ -256,29 +273,29 @@ impl GlobalSimulation {
     }
 }
 
-/// Where the schedule is, for whoever keeps time.
+/// Stages of the schedule, for time measurements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Moment {
-    /// The network is about to catch up with the cycle just past.
+    /// The network is about to be integrated over the past cycle.
     CycleBegins,
-    /// It has; its next local model is about to be built.
+    /// The network has been integrated; its next local model is about to be built.
     ModelBegins,
-    /// The model is there.
+    /// The model is complete.
     ModelEnds,
-    /// The local side is about to do a tick.
+    /// The local side is about to compute a tick.
     TickBegins,
-    /// It has.
+    /// The tick is complete.
     TickEnds,
 }
 
-/// The global side with its watch: what comes down is a model, or the cause why there is none.
+/// The global side with its fault check: the result of a cycle is a model or a fault's cause.
 ///
 /// ```
 /// use stickslip::{multirate::global::Moment, pipeline::Simulation, scene::Scene};
 ///
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
 /// let mut global = Simulation::prepare(&scene)?.into_sides().global;
-/// // No cycle has passed: the next model, below a tip at the origin, is built from the state of the start.
+/// // No cycle has passed: the next model, below a tip at the origin, is built from the initial state.
 /// let mut moments = Vec::new();
 /// let message = global.next_model([], &mut |moment| moments.push(moment))?;
 /// assert_eq!(moments, [Moment::CycleBegins, Moment::ModelBegins, Moment::ModelEnds]);
@@ -294,32 +311,32 @@ pub struct GlobalSide {
 }
 
 impl GlobalSide {
-    /// Watches a global simulation of this network.
+    /// Adds the fault check to a global simulation of this network.
     pub fn new(simulation: GlobalSimulation, network: Arc<Network>) -> Self {
         let bounds = Bounds::new(&network.rest);
         Self { simulation, network, bounds }
     }
 
-    /// The global simulation itself.
+    /// Returns the global simulation.
     pub fn simulation(&self) -> &GlobalSimulation {
         &self.simulation
     }
 
-    /// The global simulation, without the watch.
+    /// Returns the global simulation, without the fault check.
     pub fn into_simulation(self) -> GlobalSimulation {
         self.simulation
     }
 
-    /// Brings the network over the cycles that have passed, and builds the next local model. `mark` is told of
-    /// what begins and ends.
+    /// Integrates the network over the past cycles and builds the next local model. `mark` is called at the begin and
+    /// end of each stage.
     ///
     /// # Errors
-    /// With what went wrong.
+    /// If the network has diverged, or the integration or the model fails.
     pub fn next_model(
         &mut self,
         passed: impl IntoIterator<Item = CycleMessage>,
         mark: &mut impl FnMut(Moment),
-    ) -> Result<ModelMessage, Cause> {
+    ) -> Result<ModelMessage, FaultCause> {
         let mut tip = Vec3::zeros();
         mark(Moment::CycleBegins);
         let caught_up = passed.into_iter().try_for_each(|message| {
@@ -327,14 +344,14 @@ impl GlobalSide {
             self.simulation.catch_up(&message)
         });
         mark(Moment::ModelBegins);
-        let model = caught_up.map_err(BuildError::Model).and_then(|()| self.simulation.build_model(tip));
+        let model = caught_up.and_then(|()| self.simulation.build_model(tip));
         mark(Moment::ModelEnds);
-        // A network that has run away has no model either: that it ran away is the cause.
+        // A diverged network has no model either: the divergence is the cause to report.
         match self.bounds.network_cause(&self.network.rest, self.simulation.state()) {
             Some(cause) => Err(cause),
             None => model.map_err(|error| match error {
-                BuildError::Model(error) => Cause::NoModel(error),
-                BuildError::Renderer(fault) => Cause::Renderer(fault),
+                BuildError::Model(error) => FaultCause::NoModel(error),
+                BuildError::Renderer(fault) => FaultCause::Renderer(fault),
             }),
         }
     }

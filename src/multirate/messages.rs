@@ -1,4 +1,4 @@
-//! What passes between the two sides: a model down once a cycle, the cycle just past up.
+//! Messages between the two sides: a new local model from the global side, the past cycle from the local side.
 
 use super::trajectory::Trajectory;
 use crate::Vec3;
@@ -6,24 +6,24 @@ use crate::contact::renderer::RendererModel;
 use crate::contact::state::Contact;
 use crate::local::model::{LocalModel, LocalState};
 
-/// Goes up at a boundary.
+/// Message of the local side at a cycle boundary.
 #[derive(Debug, Clone)]
 pub struct CycleMessage {
-    /// Where the patch went.
+    /// Path of the patch in the past cycle.
     pub trajectory: Trajectory,
-    /// The contact at the boundary.
+    /// Contact at the boundary, if any.
     pub contact: Option<Contact>,
-    /// The tip at the boundary, m.
+    /// Tip position at the boundary, m.
     pub tip: Vec3,
 }
 
-/// Goes down at a boundary, or some ticks later.
+/// Message of the global side at a cycle boundary, or some ticks later.
 #[derive(Debug, Clone)]
 pub struct ModelMessage {
-    /// The model of the next cycle.
+    /// Local model of the next cycle.
     pub model: LocalModel,
-    /// Its state, to be merged with that of the local side.
+    /// State of the model, to be merged with that of the local side.
     pub state: LocalState,
-    /// The model of a renderer of one's own, which takes the local model's place.
+    /// Model of a custom renderer, which takes the local model's place.
     pub renderer: Option<Box<dyn RendererModel>>,
 }

@@ -1,5 +1,5 @@
-//! The two sides, what passes between them, and when: the global cycle, the servo tick, the timeline, the energy
-//! balance and the fail-safe.
+//! The global and local sides, their messages and their timing: the global cycle, the servo tick, the timeline, the
+//! energy balance and the fail-safe.
 
 pub mod energy;
 pub mod failsafe;

@@ -1,5 +1,5 @@
-//! When things happen in virtual time: which ticks miss their deadline, and when models arrive. What a run
-//! in real time went through is recorded in the same words, so that it can be run again.
+//! The timeline of a run: which ticks miss their deadline, and when models arrive. A run in real time is recorded in
+//! the same terms, so that it can be replayed.
 
 use crate::word::words;
 use rand_chacha::ChaCha8Rng;
@@ -7,120 +7,120 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, Normal};
 
-/// What becomes of a tick whose force is not there by its deadline.
+/// Policy for a tick whose force misses its deadline.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum OverrunPolicy {
-    /// The instrument keeps the force it was commanded last; the late one is thrown away.
+    /// The last command stays; the late force is discarded.
     #[default]
     Hold,
-    /// It is commanded zero.
+    /// Zero force is commanded.
     Zero,
-    /// The late force goes out when it is there, and the ticks that fall due meanwhile are left out.
+    /// The late force is commanded when it is ready, and the ticks that fall due meanwhile are skipped.
     Skip,
 }
 
 words!(OverrunPolicy { Hold = "hold", Zero = "zero", Skip = "skip" });
 
-/// Whether a tick met its deadline.
+/// The deadline outcome of a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Fate {
-    /// Its force was there.
+pub enum DeadlineOutcome {
+    /// The force was ready by the deadline.
     OnTime,
-    /// It was not.
+    /// The force missed the deadline.
     Late(OverrunPolicy),
-    /// The tick fell due while an earlier one was being computed, and was left out.
+    /// The tick fell due while an earlier one was being computed, and was skipped.
     Skipped,
 }
 
-impl Fate {
-    /// As the trace writes it.
+impl DeadlineOutcome {
+    /// Returns the name used in the trace.
     pub fn name(self) -> &'static str {
         match self {
-            Fate::OnTime => "on-time",
-            Fate::Late(_) => "late",
-            Fate::Skipped => "skipped",
+            DeadlineOutcome::OnTime => "on-time",
+            DeadlineOutcome::Late(_) => "late",
+            DeadlineOutcome::Skipped => "skipped",
         }
     }
 }
 
-/// How long something takes to compute, s.
+/// A model of a computing time, s.
 ///
 /// ```
-/// use stickslip::multirate::timeline::{Cost, Costs, Deadline, DrawnTimes, Fate, OverrunPolicy, Timeline};
+/// use stickslip::multirate::timeline::{Cost, Costs, Deadline, DrawnTimes, DeadlineOutcome, OverrunPolicy, Timeline};
 ///
 /// // A deadline at the 99th percentile: one tick in a hundred misses it.
 /// let tick = Cost::LogNormal { median: 5e-5, p99: 1e-3 };
 /// let costs = Costs { tick, model: Cost::Constant(0.0), seed: 1 };
 /// let deadline = Deadline { after: 1e-3, overrun: OverrunPolicy::Hold };
 /// let mut drawn = Timeline::Drawn(Box::new(DrawnTimes::new(costs, deadline, 1e-3, 100, 0)));
-/// let late = (0..10_000).filter(|&tick| drawn.fate(tick) != Fate::OnTime).count();
+/// let late = (0..10_000).filter(|&tick| drawn.deadline_outcome(tick) != DeadlineOutcome::OnTime).count();
 /// assert!((60..140).contains(&late), "{late}"); // 100 ± 4 standard deviations
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cost {
-    /// Always the same.
+    /// A constant time, s.
     Constant(f64),
-    /// One after the other, and again from the start.
+    /// A list of times, s, used in turn and repeated from the start.
     Table(Vec<f64>),
-    /// Log-normal, by its median and its 99th percentile.
+    /// A log-normal distribution, by its median and its 99th percentile.
     LogNormal {
-        /// s.
+        /// Median, s.
         median: f64,
-        /// s.
+        /// 99th percentile, s.
         p99: f64,
     },
-    /// Mostly one, rarely the other.
+    /// A usual time, and rarely another.
     Rare {
-        /// s.
+        /// Usual time, s.
         usual: f64,
-        /// s.
+        /// Rare time, s.
         rare: f64,
-        /// Share of the rare ones.
+        /// Probability of the rare time.
         share: f64,
     },
 }
 
-/// By when a tick's force has to be there, and what happens if it is not.
+/// The deadline of a tick's force, and the policy for a deadline miss.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Deadline {
-    /// From the tick's release, s.
+    /// Time from the tick's release to the deadline, s.
     pub after: f64,
-    /// What a missed one does.
+    /// Policy for a deadline miss.
     pub overrun: OverrunPolicy,
 }
 
-/// What computing takes in virtual time.
+/// Computing times in virtual time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Costs {
-    /// Of a tick.
+    /// Computing time of a tick.
     pub tick: Cost,
-    /// Of a cycle of the global side, from its boundary to its model.
+    /// Computing time of a global cycle, from its boundary to its model.
     pub model: Cost,
-    /// Of the distributions.
+    /// Seed of the distributions.
     pub seed: u64,
 }
 
-/// A model that came into use.
+/// Arrival of a model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Arrival {
-    /// The boundary from whose state it was built: the tick that begins there.
+    /// Tick at the boundary from whose state the model was built.
     pub from: u64,
-    /// Its first tick.
+    /// First tick of the model.
     pub at: u64,
 }
 
-/// What a run in real time went through.
+/// The timing of a recorded run.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RecordedTimes {
-    /// Models, in the order in which they came.
+    /// Arrivals of models, in order.
     pub arrivals: Vec<Arrival>,
     /// Ticks that missed their deadline, ascending.
     pub late: Vec<u64>,
-    /// Ticks that were left out, ascending.
+    /// Ticks that were skipped, ascending.
     pub skipped: Vec<u64>,
 }
 
-/// Decides the fate of every tick and the arrival of every model.
+/// Determines the deadline outcome of every tick and the arrival of every model.
 ///
 /// ```
 /// use stickslip::multirate::timeline::{Arrival, Cost, Costs, Deadline, DrawnTimes, OverrunPolicy, RecordedTimes, Timeline};
@@ -132,38 +132,38 @@ pub struct RecordedTimes {
 /// let costs = Costs { tick, model: Cost::Constant(0.03), seed: 0 };
 /// let deadline = Deadline { after: 1e-3, overrun };
 /// let mut drawn = Timeline::Drawn(Box::new(DrawnTimes::new(costs, deadline, 1e-3, 100, 0)));
-/// let fates: Vec<&str> = (0..5).map(|tick| drawn.fate(tick).name()).collect();
-/// assert_eq!(fates, ["on-time", "late", "skipped", "skipped", "on-time"]);
+/// let outcomes: Vec<&str> = (0..5).map(|tick| drawn.deadline_outcome(tick).name()).collect();
+/// assert_eq!(outcomes, ["on-time", "late", "skipped", "skipped", "on-time"]);
 /// assert_eq!(drawn.model_due(100), Some(130));
 ///
-/// // The same once more, from what was written down of it.
+/// // The recording of these times gives the same outcomes.
 /// let times = RecordedTimes { arrivals: vec![Arrival { from: 100, at: 130 }], late: vec![1], skipped: vec![2, 3] };
 /// let mut recorded = Timeline::Recorded { times, overrun };
-/// assert!((0..5).all(|tick| recorded.fate(tick).name() == fates[tick as usize]));
+/// assert!((0..5).all(|tick| recorded.deadline_outcome(tick).name() == outcomes[tick as usize]));
 /// assert_eq!((recorded.model_due(100), recorded.model_due(200)), (Some(130), None));
 /// assert_eq!(Timeline::Ideal { latency: 7 }.model_due(100), Some(107));
 /// ```
 #[derive(Debug, Clone)]
 pub enum Timeline {
-    /// Nothing takes time, but models arrive some ticks after their boundary.
+    /// Computing takes no time, but models arrive some ticks after their boundary.
     Ideal {
-        /// Ticks.
+        /// Latency of models, ticks.
         latency: u64,
     },
-    /// Costs are drawn.
+    /// Computing times are drawn from distributions.
     Drawn(Box<DrawnTimes>),
-    /// As it was.
+    /// Computing times are those of a recorded run.
     Recorded {
-        /// What happened.
+        /// Recorded times.
         times: RecordedTimes,
-        /// What lateness did.
+        /// Policy for a deadline miss in the recorded run.
         overrun: OverrunPolicy,
     },
 }
 
 impl Timeline {
-    /// The first tick of the model that is built from the state at a boundary; `None` if none is, because the
-    /// global side is still at work on an earlier one when the next boundary comes. Boundaries ascend.
+    /// Returns the first tick of the model that is built from the state at a boundary; `None` if none is, because the
+    /// global side is still computing an earlier one when the next boundary comes. Boundaries ascend.
     pub fn model_due(&mut self, boundary: u64) -> Option<u64> {
         match self {
             Timeline::Ideal { latency } => Some(boundary + *latency),
@@ -174,80 +174,80 @@ impl Timeline {
         }
     }
 
-    /// The fate of a tick. Ticks ascend.
-    pub fn fate(&mut self, tick: u64) -> Fate {
+    /// Returns the deadline outcome of a tick. Ticks ascend.
+    pub fn deadline_outcome(&mut self, tick: u64) -> DeadlineOutcome {
         match self {
-            Timeline::Ideal { .. } => Fate::OnTime,
-            Timeline::Drawn(drawn) => drawn.fate(tick),
+            Timeline::Ideal { .. } => DeadlineOutcome::OnTime,
+            Timeline::Drawn(drawn) => drawn.deadline_outcome(tick),
             Timeline::Recorded { times, overrun } => {
                 if times.skipped.binary_search(&tick).is_ok() {
-                    Fate::Skipped
+                    DeadlineOutcome::Skipped
                 } else if times.late.binary_search(&tick).is_ok() {
-                    Fate::Late(*overrun)
+                    DeadlineOutcome::Late(*overrun)
                 } else {
-                    Fate::OnTime
+                    DeadlineOutcome::OnTime
                 }
             }
         }
     }
 }
 
-/// Costs drawn from a seed: the same seed, the same times.
+/// Computing times drawn from a seed: equal seeds give equal times.
 #[derive(Debug, Clone)]
 pub struct DrawnTimes {
     costs: Costs,
     deadline: Deadline,
-    /// h, s.
-    step: f64,
+    /// Local tick h, s.
+    tick_s: f64,
     ticks_per_cycle: u64,
     latency: u64,
     ticks: Draws,
     models: Draws,
-    /// The first tick after what is being computed, under [`OverrunPolicy::Skip`].
+    /// First tick that can start after the current computation, under [`OverrunPolicy::Skip`].
     next_release: u64,
-    /// When the global side is done with what it is at, in ticks.
+    /// Time at which the global side completes its current work, in ticks.
     idle_from: f64,
 }
 
 impl DrawnTimes {
-    /// For ticks of `step` seconds.
-    pub fn new(costs: Costs, deadline: Deadline, step: f64, ticks_per_cycle: u64, latency: u64) -> Self {
+    /// Creates a timeline for ticks of `tick_s` seconds.
+    pub fn new(costs: Costs, deadline: Deadline, tick_s: f64, ticks_per_cycle: u64, latency: u64) -> Self {
         let (ticks, models) = (Draws::new(costs.seed, 0), Draws::new(costs.seed, 1));
-        Self { costs, deadline, step, ticks_per_cycle, latency, ticks, models, next_release: 0, idle_from: 0.0 }
+        Self { costs, deadline, tick_s, ticks_per_cycle, latency, ticks, models, next_release: 0, idle_from: 0.0 }
     }
 
-    fn fate(&mut self, tick: u64) -> Fate {
+    fn deadline_outcome(&mut self, tick: u64) -> DeadlineOutcome {
         let Deadline { after, overrun } = self.deadline;
         if tick < self.next_release {
-            return Fate::Skipped;
+            return DeadlineOutcome::Skipped;
         }
         let cost = self.ticks.draw(&self.costs.tick);
         if cost <= after {
-            return Fate::OnTime;
+            return DeadlineOutcome::OnTime;
         }
         if overrun == OverrunPolicy::Skip {
-            self.next_release = tick + whole_ticks(cost / self.step).max(1);
+            self.next_release = tick + whole_ticks(cost / self.tick_s).max(1);
         }
-        Fate::Late(overrun)
+        DeadlineOutcome::Late(overrun)
     }
 
     fn model_due(&mut self, boundary: u64) -> Option<u64> {
-        // Whoever is done takes the newest boundary that has passed.
+        // A global side that becomes idle takes the newest boundary that has passed.
         let start = self.idle_from.max(boundary as f64);
         if start >= (boundary + self.ticks_per_cycle) as f64 {
             return None;
         }
-        self.idle_from = start + self.models.draw(&self.costs.model) / self.step;
+        self.idle_from = start + self.models.draw(&self.costs.model) / self.tick_s;
         Some(whole_ticks(self.idle_from) + self.latency)
     }
 }
 
-/// Rounded up, where a rounding of the quotient is no tick more.
+/// Rounds up to whole ticks; rounding errors of the quotient add no tick.
 fn whole_ticks(ticks: f64) -> u64 {
     (ticks * (1.0 - 4.0 * f64::EPSILON)).ceil() as u64
 }
 
-/// Draws costs one by one.
+/// Draws computing times one by one.
 #[derive(Debug, Clone)]
 struct Draws {
     random: ChaCha8Rng,
@@ -282,7 +282,7 @@ impl Draws {
         }
     }
 
-    /// Between 0 and 1, both excluded.
+    /// Draws a number strictly between 0 and 1.
     fn uniform(&mut self) -> f64 {
         ((self.random.next_u64() >> 12) as f64 + 0.5) / (1_u64 << 52) as f64
     }

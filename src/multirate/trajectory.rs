@@ -1,4 +1,4 @@
-//! The path of the patch through one cycle, as the local side recorded it and the global side replays it.
+//! The path of the patch through one cycle, recorded by the local side and replayed by the global side.
 
 use crate::Vec3;
 use crate::dynamics::constraint::Constraint;
@@ -6,18 +6,18 @@ use crate::local::model::{LocalModel, LocalState};
 use crate::model::state::State;
 use crate::surface::geometry::{ContactPoint, SurfaceModel};
 
-/// The path of the patch through one cycle: a segment for each model that was in use.
+/// The path of the patch through one cycle, with a segment for each model that was in use.
 ///
 /// ```
-/// use stickslip::{multirate::messages::CycleMessage, multirate::trajectory::{Keep, Trajectory}};
+/// use stickslip::{multirate::messages::CycleMessage, multirate::trajectory::{PathRecording, Trajectory}};
 /// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
 ///
 /// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
 /// let mut global = Simulation::prepare(&scene)?.into_sides().global.into_simulation();
-/// // A node of the block's top goes down by 1 mm in the cycle's 100 ticks.
+/// // A node of the block's top moves down by 1 mm in the cycle's 100 ticks.
 /// let (node, speed) = (300, -Vec3::z() * 0.01);
 /// let start = global.state().x[node as usize];
-/// let mut trajectory = Trajectory::new(Keep::Path);
+/// let mut trajectory = Trajectory::new(PathRecording::EveryTick);
 /// trajectory.begin_at(&[node], &[start], &[speed], 0, 100);
 /// for tick in 1..=100 {
 ///     trajectory.record_at(&[start + speed * (f64::from(tick) * scene.tick_s())], &[speed]);
@@ -30,9 +30,9 @@ use crate::surface::geometry::{ContactPoint, SurfaceModel};
 /// ```
 #[derive(Debug, Clone)]
 pub struct Trajectory {
-    keep: Keep,
+    recording: PathRecording,
     segments: Vec<Segment>,
-    /// What a renderer of one's own did in each tick, where the network is pushed by its force.
+    /// Force of a custom renderer on the network in each tick.
     pushes: Vec<Option<Push>>,
 }
 
@@ -40,54 +40,58 @@ pub struct Trajectory {
 #[derive(Debug, Clone, Copy)]
 struct Push {
     point: ContactPoint,
-    /// N.
+    /// Force on the network, N.
     force: Vec3,
 }
 
-/// How much of the path the global side needs.
+/// The part of the path that the global side needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Keep {
-    /// Every tick.
-    Path,
-    /// The force of every tick on the network, at its contact point: a renderer of one's own moves no nodes.
-    Push,
-    /// The last tick: with nothing to replay, the path is not recorded.
-    End,
+pub enum PathRecording {
+    /// The path in every tick.
+    EveryTick,
+    /// The force on the network in every tick, at its contact point: a custom renderer moves no nodes.
+    Forces,
+    /// The last tick only: there is nothing to replay.
+    LastTick,
 }
 
 #[derive(Debug, Clone)]
 struct Segment {
     nodes: Vec<u32>,
     first_tick: usize,
-    /// The state at the start of the first tick, then at the end of each: m values a time.
+    /// State at the start of the first tick, then at the end of each tick: m values each.
     x: Vec<Vec3>,
     v: Vec<Vec3>,
 }
 
 impl Trajectory {
-    /// An empty path.
-    pub fn new(keep: Keep) -> Self {
-        Self { keep, segments: Vec::new(), pushes: Vec::new() }
+    /// Creates an empty path.
+    pub fn new(recording: PathRecording) -> Self {
+        Self { recording, segments: Vec::new(), pushes: Vec::new() }
     }
 
-    /// How much of the path is kept.
-    pub fn keeps(&self) -> Keep {
-        self.keep
+    /// Returns which part of the path is recorded.
+    pub fn recording(&self) -> PathRecording {
+        self.recording
     }
 
-    /// A model comes into use at the start of tick `tick` of the cycle, for at most `ticks` ticks.
+    /// Begins a segment with a model that comes into use at the start of tick `tick` of the cycle, for at most `ticks`
+    /// ticks.
     pub fn begin(&mut self, model: &LocalModel, state: &LocalState, tick: usize, ticks: usize) {
         let m = model.patch.len();
         self.begin_at(&model.patch.nodes, &state.x[..m], &state.v[..m], tick, ticks);
     }
 
-    /// The same for patch nodes whose positions and velocities are given.
+    /// Begins a segment with given positions and velocities of the patch nodes, as [`begin`](Self::begin) does.
     pub fn begin_at(&mut self, nodes: &[u32], x: &[Vec3], v: &[Vec3], tick: usize, ticks: usize) {
-        let samples = match self.keep {
-            Keep::Path => ticks + 1,
-            Keep::End | Keep::Push => 1,
+        // A custom renderer may give slices of unequal lengths; its next tick is a fault then.
+        let is_complete = nodes.len() == x.len() && x.len() == v.len();
+        let (nodes, x, v) = if is_complete { (nodes, x, v) } else { (&[][..], &[][..], &[][..]) };
+        let samples = match self.recording {
+            PathRecording::EveryTick => ticks + 1,
+            PathRecording::LastTick | PathRecording::Forces => 1,
         };
-        if self.keep == Keep::Push {
+        if self.recording == PathRecording::Forces {
             self.pushes.reserve(ticks);
         }
         let start = |values: &[Vec3]| {
@@ -98,17 +102,19 @@ impl Trajectory {
         self.segments.push(Segment { nodes: nodes.to_vec(), first_tick: tick, x: start(x), v: start(v) });
     }
 
-    /// The state at the end of a tick. Allocates nothing.
+    /// Records the state at the end of a tick. Allocates nothing.
     pub fn record(&mut self, state: &LocalState) {
         let m = self.segments.last().map_or(0, |segment| segment.nodes.len());
         self.record_at(&state.x[..m], &state.v[..m]);
     }
 
-    /// The same where positions and velocities of the patch nodes are given; those of other nodes than the segment began
-    /// with are not taken. Allocates nothing within the ticks that were announced.
+    /// Records given positions and velocities of the patch nodes; ignores them if their number differs from the
+    /// segment's. Allocates nothing within the ticks that were announced.
     pub fn record_at(&mut self, x: &[Vec3], v: &[Vec3]) {
-        if let Some(segment) = self.segments.last_mut().filter(|segment| segment.nodes.len() == x.len()) {
-            if self.keep == Keep::End {
+        if let Some(segment) =
+            self.segments.last_mut().filter(|segment| segment.nodes.len() == x.len() && x.len() == v.len())
+        {
+            if self.recording == PathRecording::LastTick {
                 segment.x.clear();
                 segment.v.clear();
             }
@@ -117,20 +123,25 @@ impl Trajectory {
         }
     }
 
-    /// Minus the force of a tick, N, at its contact point, acts on the network. Allocates nothing within the ticks that were
-    /// announced.
+    /// Records a tick's force on the network, minus the contact force, N, at its contact point. Allocates nothing
+    /// within the ticks that were announced.
     pub fn record_push(&mut self, force: Vec3, point: Option<ContactPoint>) {
         self.pushes.push(point.map(|point| Push { point, force: -force }));
     }
 
-    /// The patch in use in a tick.
+    /// Returns the nodes of each patch that was in use.
+    pub fn patches(&self) -> impl Iterator<Item = &[u32]> {
+        self.segments.iter().map(|segment| segment.nodes.as_slice())
+    }
+
+    /// Returns the segment of the patch in use in a tick.
     fn segment(&self, tick: usize) -> Option<&Segment> {
         self.segments.iter().rev().find(|segment| segment.first_tick <= tick)
     }
 
-    /// Sets the nodes of the patch in use to where they were in a tick, at `time`, in ticks from the
-    /// start of the cycle: linear between the tick's start and end. A tick that was not recorded (in real time, notes of it
-    /// can be lost) leaves them where they were last.
+    /// Sets the nodes of the patch in use to their recorded positions at `time`, in ticks from the start of the cycle:
+    /// linear between the tick's start and end. In a tick that was not recorded (in real time, notes of it can be lost)
+    /// they keep their last recorded position.
     fn prescribe(&self, tick: usize, time: f64, state: &mut State) {
         let Some(segment) = self.segment(tick) else { return };
         let m = segment.nodes.len();
@@ -147,7 +158,7 @@ impl Trajectory {
         }
     }
 
-    /// Sets the nodes of the patch last in use to where they ended.
+    /// Sets the nodes of the patch last in use to their final state.
     pub(super) fn finish(&self, state: &mut State) {
         let Some(segment) = self.segments.last() else { return };
         let last = segment.x.len() - segment.nodes.len();
@@ -158,19 +169,19 @@ impl Trajectory {
     }
 }
 
-/// The patch follows its recorded path.
-pub(super) struct Replayed<'a> {
+/// Constraint that moves the patch along its recorded path.
+pub(super) struct PrescribedPatch<'a> {
     pub trajectory: &'a Trajectory,
-    /// Counted from 0 in the cycle.
+    /// Number of the substep in the cycle, from 0.
     pub substep: u32,
-    /// Ticks per cycle.
+    /// Number of ticks per cycle.
     pub ticks: u32,
-    /// Substeps per cycle.
+    /// Number of substeps per cycle.
     pub substeps: u32,
 }
 
-impl Replayed<'_> {
-    /// A time of the step, in ticks from the start of the cycle, and the tick it belongs to.
+impl PrescribedPatch<'_> {
+    /// Returns a time of the step, in ticks from the start of the cycle, and the tick it belongs to.
     fn time(&self, ahead: f64) -> (f64, usize) {
         // Product first: a substep that ends with a tick must come out as a whole number.
         let time = (f64::from(self.substep) + ahead) * f64::from(self.ticks) / f64::from(self.substeps);
@@ -181,7 +192,7 @@ impl Replayed<'_> {
     }
 }
 
-impl Constraint for Replayed<'_> {
+impl Constraint for PrescribedPatch<'_> {
     fn nodes(&self, ahead: f64) -> &[u32] {
         self.trajectory.segment(self.time(ahead).1).map_or(&[], |segment| &segment.nodes)
     }
@@ -190,7 +201,7 @@ impl Constraint for Replayed<'_> {
         true
     }
 
-    // What accelerations do to patch nodes is overwritten.
+    // The accelerations of patch nodes have no effect: their states are overwritten.
     fn accelerations(&self, _: &mut [Vec3]) {}
 
     fn state(&self, ahead: f64, state: &mut State) {
@@ -199,16 +210,16 @@ impl Constraint for Replayed<'_> {
     }
 }
 
-/// The network is pushed by the forces of a renderer of one's own, each over the part of its tick that lies within the
-/// substep: no momentum is lost, however ticks and substeps lie.
+/// Forces of a custom renderer on the network, each over the part of its tick that lies within the substep: no momentum
+/// is lost, however ticks and substeps lie.
 pub(super) struct Pushed {
     nodes: Vec<u32>,
-    /// What is added to the acceleration of each of these nodes, m/s².
+    /// Acceleration added to each of these nodes, m/s².
     accelerations: Vec<Vec3>,
 }
 
 impl Pushed {
-    /// The pushes in one substep of a cycle.
+    /// Collects the forces in one substep of a cycle.
     pub fn new(
         trajectory: &Trajectory,
         surface: &SurfaceModel,

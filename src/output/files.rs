@@ -1,4 +1,4 @@
-//! Writing a run's files. Each appears under its name only when it is whole.
+//! Writers of a run's files. A file appears under its name only when it is complete.
 
 use std::fs;
 use std::io::{self, BufWriter, Write};
@@ -23,46 +23,46 @@ use crate::scene::{Scene, SceneError};
 #[error("cannot write {path}")]
 #[diagnostic(help("give a folder that can be written with --out DIR"))]
 pub struct WriteError {
-    /// Which.
+    /// Path of the file or folder.
     pub path: PathBuf,
-    /// Why.
+    /// Cause.
     pub source: io::Error,
 }
 
-/// Why a run left no files.
+/// Error of a run that writes files.
 #[derive(Debug, Error, Diagnostic)]
 pub enum RunFilesError {
-    /// The scene.
+    /// The scene cannot start.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Scene(#[from] SceneError),
-    /// The output folder.
+    /// A file or the output folder cannot be written.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Write(#[from] WriteError),
 }
 
-/// A run that was done and written.
+/// A run whose files are written.
 #[derive(Debug)]
 pub struct FinishedRun {
-    /// In numbers; also `summary.json`.
+    /// Summary of the run, as in `summary.json`.
     pub summary: Summary,
-    /// Tick by tick.
+    /// Samples of all ticks.
     pub samples: Vec<Sample>,
     /// The fault that ended it, if one did.
     pub fault: Option<Fault>,
 }
 
 /// Runs a scene in virtual time and writes `trace.csv`, `network.json`, `summary.json` and, with plots, `forces.svg`
-/// into a folder. A fault ends the run; the rows before it are kept. `watch` is told of every tick.
+/// into a folder. A fault ends the run; the rows before it are kept. `watch` is called after every tick.
 ///
 /// # Errors
-/// If the scene cannot start, and then nothing is written; or a file cannot be.
+/// If the scene cannot start, in which case nothing is written, or if a file cannot be written.
 ///
 /// ```
 /// use stickslip::{output::files::run_into, scene::Scene};
 ///
-/// // the tip meets the block after 80
+/// // The tip meets the block after 80 ticks.
 /// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let folder = tempfile::tempdir()?;
 /// let run = run_into(&scene, folder.path(), |_| ())?;
@@ -76,7 +76,8 @@ pub fn run_into(scene: &Scene, out: &Path, watch: impl FnMut(&TickView)) -> Resu
     Ok(write_run(scene, simulation, out, watch, |simulation, observe| simulation.run(observe).err())?)
 }
 
-/// The same for a simulation that `drive` runs, telling of every tick; its fault, if one ended it.
+/// Writes the files of a simulation that `drive` runs. `drive` calls its second argument after every tick, and returns
+/// the fault if one ended the run.
 ///
 /// # Errors
 /// If a file cannot be written.
@@ -142,7 +143,7 @@ pub fn write_run(
     Ok(FinishedRun { summary, samples: recorder.samples().to_vec(), fault })
 }
 
-/// Writes a whole file, or none.
+/// Writes a file completely or not at all.
 ///
 /// # Errors
 /// If the folder cannot be written.
@@ -182,7 +183,7 @@ pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), WriteError>
     write_file(path, &json)
 }
 
-/// Gives a finished temporary file its name, readable like any other file.
+/// Renames a complete temporary file to its path and makes it readable for all.
 fn keep(file: NamedTempFile, path: &Path) -> io::Result<()> {
     #[cfg(unix)]
     {
@@ -193,13 +194,13 @@ fn keep(file: NamedTempFile, path: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// `network.json`.
+/// Contents of `network.json`.
 #[derive(Debug, Serialize)]
 struct NetworkFile {
     nodes: Vec<[f64; 3]>,
     mass: Vec<f64>,
     fixed: Vec<bool>,
-    /// (i, j, k, c, L).
+    /// Springs as (i, j, k, c, L): nodes, stiffness N/m, damping N·s/m, rest length m.
     springs: Vec<(u32, u32, f64, f64, f64)>,
     triangles: Vec<[u32; 3]>,
 }

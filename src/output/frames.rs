@@ -1,4 +1,4 @@
-//! A run for the eye: the surface some sixty times a second, as the local side holds it.
+//! Frames of a run for display: the surface as the servo loop has it, up to 60 times per second of simulated time.
 
 use serde::Serialize;
 
@@ -7,11 +7,11 @@ use crate::local::patch::OUTSIDE;
 use crate::pipeline::TickView;
 use crate::scene::Scene;
 
-/// Of simulated time, at most, 1/s.
+/// Largest number of frames per second of simulated time, 1/s.
 const FRAMES_PER_S: f64 = 60.0;
-/// A position: three numbers of 16 bits.
+/// Size of a position, bytes: three 16-bit numbers.
 const BYTES_PER_POSITION: usize = 6;
-/// What 16 bits can tell apart.
+/// Largest 16-bit number: quantisation steps along the longest side.
 const STEPS: f64 = u16::MAX as f64;
 
 /// Collects frames from the ticks of a run.
@@ -19,7 +19,7 @@ const STEPS: f64 = u16::MAX as f64;
 /// ```
 /// use stickslip::{output::frames::{FrameRecorder, NoFrames}, pipeline, scene::Scene};
 ///
-/// // the tip meets the block after 80
+/// // The tip meets the block after 80 ticks.
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let record = |most_bytes| {
 ///     let mut recorder = FrameRecorder::new(&scene, most_bytes);
@@ -37,15 +37,15 @@ const STEPS: f64 = u16::MAX as f64;
 /// ```
 #[derive(Debug)]
 pub struct FrameRecorder {
-    /// By node.
+    /// Whether each node is fixed.
     is_fixed: Vec<bool>,
-    /// Ticks from one frame to the next by [`FRAMES_PER_S`], and of the whole run.
+    /// Ticks per frame by [`FRAMES_PER_S`], and ticks of the whole run.
     ticks: [u64; 2],
     most_bytes: usize,
     recording: Recording,
 }
 
-/// What is known once the surface has been seen.
+/// State of the recording.
 #[derive(Debug)]
 enum Recording {
     Nothing,
@@ -53,17 +53,17 @@ enum Recording {
     Going { stride: u64, surface: StillSurface, shots: Vec<Shot>, patches: Vec<PatchFrom> },
 }
 
-/// What does not change.
+/// Constant data of the surface.
 #[derive(Debug)]
 struct StillSurface {
     triangles: Vec<[u32; 3]>,
-    /// Where every vertex was in the first frame, m.
+    /// Position of every vertex in the first frame, m.
     first: Vec<Vec3>,
     fixed: Vec<u32>,
     moving: Vec<u32>,
 }
 
-/// One frame.
+/// Data of one frame.
 #[derive(Debug)]
 struct Shot {
     time: f64,
@@ -72,70 +72,70 @@ struct Shot {
     normal_force: f64,
     tangential_force: f64,
     mode: &'static str,
-    /// Of the vertices that move, m.
+    /// Positions of the moving vertices, m.
     positions: Vec<Vec3>,
 }
 
-/// The surface vertices in the patch, from a frame on.
+/// Surface vertices in the patch, from one frame until the next change.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PatchFrom {
-    /// The first in which it is in use.
+    /// First frame with this patch.
     pub frame: usize,
-    /// Ascending.
+    /// Vertices, ascending.
     pub vertices: Vec<u32>,
 }
 
-/// A run as a viewer needs it. Positions are whole steps from an origin, x, y, z of one vertex after the other.
+/// Frames of a run for a viewer. Positions are multiples of a step from an origin: x, y, z of each vertex in turn.
 #[derive(Debug, Serialize)]
 pub struct Frames {
-    /// Outward, of vertices.
+    /// Triangles by vertices, with outward orientation.
     pub triangles: Vec<[u32; 3]>,
-    /// Vertices that never move.
+    /// Fixed vertices, ascending.
     pub fixed: Vec<u32>,
-    /// All others, ascending.
+    /// Moving vertices, ascending.
     pub moving: Vec<u32>,
-    /// Lowest corner of the box around all positions, m.
+    /// Lowest corner of the bounding box of all positions, m.
     pub origin_m: [f64; 3],
     /// Length of a step, m.
     pub step_m: f64,
-    /// Of every vertex in the first frame.
+    /// Positions of all vertices in the first frame, steps.
     #[serde(skip)]
     pub first: Vec<u16>,
-    /// Of the moving vertices, frame after frame.
+    /// Positions of the moving vertices, frame by frame, steps.
     #[serde(skip)]
     pub positions: Vec<u16>,
-    /// Patches in the order in which they came into use.
+    /// Patches in their order of use.
     pub patches: Vec<PatchFrom>,
-    /// At the end of each frame's tick, s.
+    /// Time at the end of each frame's tick, s.
     pub time_s: Vec<f64>,
-    /// Where the tip was, m.
+    /// Position of the tip, m.
     pub tip_m: Vec<[f64; 3]>,
-    /// Commanded to the instrument, N.
+    /// Force commanded to the instrument, N.
     pub force_n: Vec<[f64; 3]>,
-    /// F_N, N.
+    /// Normal force F_N, N.
     pub normal_force_n: Vec<f64>,
-    /// F_T, N.
+    /// Tangential force F_T, N.
     pub tangential_force_n: Vec<f64>,
-    /// What the contact did.
+    /// Contact state.
     pub mode: Vec<&'static str>,
 }
 
-/// Why there are no frames.
+/// Reason why there are no frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NoFrames {
-    /// Nothing was seen.
-    #[error("no tick was done")]
+    /// No tick was recorded.
+    #[error("the run has no ticks")]
     NoTick,
-    /// Two frames would take more than they may.
+    /// Two frames would exceed the allowed size.
     #[error("its surface of {vertices} vertices is too large for this page")]
     TooLarge {
-        /// All of it.
+        /// Number of vertices of the surface.
         vertices: usize,
     },
 }
 
 impl FrameRecorder {
-    /// For a run of a scene whose positions take at most so many bytes: a larger run has fewer frames.
+    /// Prepares the recording of a scene's run. Positions take at most `most_bytes`: a larger run has fewer frames.
     pub fn new(scene: &Scene, most_bytes: usize) -> Self {
         let stride = (1.0 / (FRAMES_PER_S * scene.tick_s())).ceil().max(1.0) as u64;
         Self {
@@ -146,7 +146,7 @@ impl FrameRecorder {
         }
     }
 
-    /// Takes a tick in.
+    /// Records a tick.
     pub fn record(&mut self, view: &TickView) {
         if let Recording::Nothing = self.recording {
             self.recording = self.begin(view);
@@ -198,10 +198,10 @@ impl FrameRecorder {
         }
     }
 
-    /// What was recorded.
+    /// Returns the recorded frames.
     ///
     /// # Errors
-    /// If there is nothing to show.
+    /// If no tick was recorded, or two frames would exceed the allowed size.
     pub fn finish(self) -> Result<Frames, NoFrames> {
         let (surface, shots, patches) = match self.recording {
             Recording::Nothing => return Err(NoFrames::NoTick),
@@ -235,7 +235,7 @@ impl FrameRecorder {
     }
 }
 
-/// Where a surface vertex is: of the patch by the local state, outside it where the local model holds it.
+/// Returns a surface vertex's position, m: by the local state in the patch, and as the local model holds it outside.
 fn position(view: &TickView, vertex: u32) -> Vec3 {
     view.local.model().vertex(vertex, &view.local.state().x, view.local.elapsed())
 }

@@ -1,22 +1,22 @@
-//! Contact losses, changes of mode, the largest force jump and tunnelling: the definition of each, for everything that
-//! reports one of them.
+//! Definitions of contact losses, mode switches, the largest force jump and tunnelling, for everything that reports one
+//! of them.
 
 use crate::Vec3;
 use crate::contact::law::Mode;
 use crate::pipeline::TickView;
 
-/// Depth of a free tip inside the surface, m, from which it has passed through. Less is the round-off of two different
-/// tests: collision by triangle planes, inside by the nearest point.
+/// Depth of a free tip inside the surface, m, above which it has tunnelled. Smaller depths are round-off between two
+/// tests: collision uses triangle planes, and inside the nearest point.
 const TUNNELLED_M: f64 = 1e-12;
 
-/// Measures of the contact over the ticks recorded so far. Two successive ticks are needed for a loss, a change of mode
-/// or a jump, so that a recording that begins within a run counts none of them at its first tick.
+/// Measures of the contact over the ticks recorded so far. A loss, a mode switch or a jump needs two successive ticks,
+/// so that a recording that begins within a run counts none of them at its first tick.
 ///
 /// ```
 /// use stickslip::{output::measures::ContactMeasures, pipeline, scene::Scene};
 ///
-/// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
-/// scene.tick_count = 150; // the tip meets the block after 80
+/// // The tip meets the block after 80 ticks.
+/// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let mut measures = ContactMeasures::default();
 /// pipeline::run(&scene, |tick| measures.record(tick))?;
 /// assert_eq!((measures.contact_losses(), measures.mode_switches(), measures.tunnelling_ticks()), (0, 1, 0));
@@ -36,14 +36,14 @@ pub struct ContactMeasures {
 /// Largest change of the commanded force between two ticks in contact.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ForceJump {
-    /// Its magnitude, N; NaN from the first force on that is not a number.
+    /// Magnitude of the change, N; NaN from the first force on that is not a number.
     pub newtons: f64,
     /// The later of the two ticks, the earliest if there are several; absent if the force never changed in contact.
     pub tick: Option<u64>,
 }
 
 impl ContactMeasures {
-    /// Takes in a tick.
+    /// Records a tick.
     pub fn record(&mut self, view: &TickView) {
         self.follow(view.tick, view.report.mode, view.force);
         self.tunnelling_ticks += u64::from(is_tunnelling(view));
@@ -64,31 +64,31 @@ impl ContactMeasures {
         }
     }
 
-    /// Times that a tick in contact was followed by a free one. Free is a tick whose contact exerts no force: there is
-    /// none, or it is kept under tension. A force of zero in another mode is no loss.
+    /// Number of free ticks that follow a tick in contact. In a free tick no contact exerts a force: there is none, or
+    /// it is kept under tension. A force of zero in another mode is no loss.
     pub fn contact_losses(&self) -> u64 {
         self.contact_losses
     }
 
-    /// Times that a tick had another mode than the one before.
+    /// Number of ticks whose mode differs from that of the tick before.
     pub fn mode_switches(&self) -> u64 {
         self.mode_switches
     }
 
-    /// The largest change of the commanded force between two successive ticks that are both in contact. Where contact
-    /// begins or is lost the force starts or stops, which is no jump of it.
+    /// Largest change of the commanded force between two successive ticks in contact. The onset and the loss of contact
+    /// count as no jump.
     pub fn largest_force_jump(&self) -> ForceJump {
         self.jump
     }
 
-    /// Ticks that [tunnelled](is_tunnelling).
+    /// Number of ticks that [tunnel](is_tunnelling).
     pub fn tunnelling_ticks(&self) -> u64 {
         self.tunnelling_ticks
     }
 }
 
-/// Whether the tip is inside the surface at the end of the tick, with no force and no contact kept. A distance that is
-/// not a number counts as inside.
+/// Returns whether the tip is inside the surface at the end of the tick with no force and no contact kept. A distance
+/// that is not a number counts as inside.
 pub fn is_tunnelling(view: &TickView) -> bool {
     view.report.mode == Mode::Free
         && view.local.contact().is_none()

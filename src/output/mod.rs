@@ -1,4 +1,4 @@
-//! What a run leaves behind: `trace.csv`, `network.json`, `summary.json`, frames and figures.
+//! Outputs of a run: `trace.csv`, `network.json`, `summary.json`, frames and figures.
 
 #[cfg(feature = "plots")]
 pub mod figures;

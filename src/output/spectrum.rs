@@ -1,13 +1,13 @@
-//! How much of a force is faster than a hand expects of a smooth surface.
+//! Power of a force above a cut-off frequency: the ripple that a smooth surface would not give.
 
 use realfft::RealFftPlanner;
 
 use crate::Vec3;
 
-/// Mean square of the part of a force above `cutoff_hz`, N², all three axes together.
+/// Returns the mean square of a force above `cutoff_hz`, N², summed over the three axes.
 ///
-/// A Hann window keeps the jump between the end and the start of the record, which is none of the
-/// contact's, out of the high frequencies; its own loss of power (3/8) is made up for.
+/// A Hann window keeps the jump between the end and the start of the record, which does not come from the contact, out
+/// of the high frequencies. The result is divided by the window's mean power, 3/8.
 ///
 /// ```
 /// use stickslip::{Vec3, output::spectrum::power_above};
@@ -31,7 +31,7 @@ pub fn power_above(force: &[Vec3], rate_hz: f64, cutoff_hz: f64) -> f64 {
         signal.iter_mut().zip(force).zip(&window).for_each(|((s, f), w)| *s = (f[axis] - mean) * w);
         fft.process(&mut signal, &mut spectrum).expect("buffers made by the plan have its lengths");
         for (bin, value) in spectrum.iter().enumerate() {
-            // Bins strictly between zero and Nyquist stand for two.
+            // Bins strictly between zero and Nyquist count twice.
             let share = if bin == 0 || 2 * bin == n { 1.0 } else { 2.0 };
             if bin as f64 * rate_hz / n as f64 > cutoff_hz {
                 power += share * value.norm_sqr();

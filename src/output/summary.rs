@@ -1,4 +1,4 @@
-//! `summary.json`: a run in numbers.
+//! `summary.json`: the quantities of a run.
 
 use serde::Serialize;
 
@@ -10,42 +10,41 @@ use crate::device::coupled::DeviceView;
 use crate::local::condensation::CondensationCounts;
 use crate::model::work::WorkCounts;
 use crate::multirate::failsafe::Fault;
-use crate::multirate::timeline::{Fate, OverrunPolicy};
+use crate::multirate::timeline::{DeadlineOutcome, OverrunPolicy};
 use crate::pipeline::TickView;
 use crate::scene::Scene;
 
-/// Frequencies above this count as ripple, Hz.
+/// Frequency above which a force counts as ripple, Hz.
 const RIPPLE_HZ: f64 = 100.0;
 
-/// What one tick leaves for plots and the summary.
+/// Quantities of one tick for plots and the summary.
 #[derive(Debug, Clone, Copy)]
 pub struct Sample {
-    /// s.
+    /// Time at the end of the tick, s.
     pub time: f64,
-    /// N.
+    /// Force commanded to the instrument, N.
     pub force: Vec3,
-    /// F_N, N.
+    /// Normal force F_N, N.
     pub normal_force: f64,
-    /// F_T, N.
+    /// Tangential force F_T, N.
     pub tangential_force: f64,
-    /// What the contact did.
+    /// Contact state.
     pub mode: Mode,
 }
 
 impl Summary {
-    /// Whether the run is one to believe: it reached its duration and nothing passed through the
-    /// surface unfelt.
+    /// Returns whether the run passes: it reached its duration, and the tip never tunnelled.
     pub fn passes(&self) -> bool {
         self.completed && self.tunnelling_ticks == 0
     }
 }
 
-/// Collects a run tick by tick.
+/// Recorder of a run's ticks.
 ///
 /// ```
 /// use stickslip::{output::summary::Recorder, pipeline, scene::Scene};
 ///
-/// // the tip meets the block after 80
+/// // The tip meets the block after 80 ticks.
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let mut recorder = Recorder::default();
 /// pipeline::run(&scene, |tick| recorder.record(tick))?;
@@ -73,7 +72,7 @@ pub struct Recorder {
     device: Option<DeviceSummary>,
 }
 
-/// Counts what was late.
+/// Counts of late ticks, skipped ticks and models.
 #[derive(Debug, Clone, Copy, Default)]
 struct Lateness {
     late_ticks: u64,
@@ -88,13 +87,13 @@ struct Lateness {
 
 impl Lateness {
     fn take(&mut self, view: &TickView) {
-        let missed = match view.fate {
-            Fate::OnTime => false,
-            Fate::Late(_) => {
+        let missed = match view.deadline_outcome {
+            DeadlineOutcome::OnTime => false,
+            DeadlineOutcome::Late(_) => {
                 self.late_ticks += 1;
                 true
             }
-            Fate::Skipped => {
+            DeadlineOutcome::Skipped => {
                 self.skipped_ticks += 1;
                 true
             }
@@ -109,43 +108,43 @@ impl Lateness {
     }
 }
 
-/// What was late, and what that did. Of a run with deadlines.
+/// Deadline outcomes of a run with deadlines, and their effects.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct TimingSummary {
-    /// From a tick's release, s.
+    /// Deadline after a tick's release, s.
     pub deadline_s: f64,
-    /// What a missed one does.
+    /// Policy for a missed deadline.
     pub overrun: OverrunPolicy,
-    /// Ticks whose force came after it.
+    /// Ticks whose force came after the deadline.
     pub late_ticks: u64,
-    /// Ticks left out.
+    /// Ticks skipped.
     pub skipped_ticks: u64,
-    /// Late or left out, one after the other.
+    /// Largest number of successive ticks that were late or skipped.
     pub longest_missed_run: u64,
-    /// Models that came into use after the first.
+    /// Local models that came into use after the first one.
     pub models_used: u64,
-    /// Boundaries whose model was never used: left out, or still under way at the end.
+    /// Cycle boundaries whose model was never used: it was skipped, or not complete at the end.
     pub models_not_used: u64,
-    /// Ticks.
+    /// Largest age of a model in use, ticks.
     pub largest_model_age: u64,
-    /// Root mean square over all ticks of what was commanded less what the contact asked for, N. What a different past
-    /// does to the contact is not in it.
+    /// Root mean square over all ticks of the commanded force less the contact force, N. It does not contain the effect
+    /// that missed deadlines have on later contact.
     pub withheld_force_rms_n: f64,
 }
 
-/// What a modelled device went through.
+/// Quantities of a modelled device over a run.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct DeviceSummary {
-    /// Ticks that ended with a command changed by a limit of force or current.
+    /// Ticks whose command was changed by a limit of force or current.
     pub saturated_ticks: u64,
-    /// Ticks that ended with a mean force above what the device can sustain.
+    /// Ticks with a mean force above what the device can sustain.
     pub overheated_ticks: u64,
-    /// Ticks that ended with a command changed by passivity control.
+    /// Ticks whose command was changed by passivity control.
     pub passivity_control_ticks: u64,
-    /// What the hand got at the stylus, less what it gave.
+    /// Net energy that the hand received at the stylus, J.
     pub energy_to_hand_j: f64,
-    /// Its maximum over time, at least 0, where it starts: above 0, the hand got more than it had given. Motors can do
-    /// that, and so can the links' weight.
+    /// Maximum over time of the net energy to the hand, J; at least 0, its value at the start. Above 0, the hand
+    /// received more than it had given, from the motors or from the weight of the links.
     pub largest_energy_to_hand_j: f64,
 }
 
@@ -159,114 +158,115 @@ impl DeviceSummary {
     }
 }
 
-/// Ticks in each mode.
+/// Number of ticks in each mode.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct ModeTicks {
-    /// No force.
+    /// Ticks without force.
     pub free: u64,
-    /// Held.
+    /// Sticking ticks.
     pub stick: u64,
-    /// Frictionless or rigid.
+    /// Sliding ticks: frictionless or rigid contact.
     pub slide: u64,
-    /// At the Coulomb bound.
+    /// Slipping ticks, at the Coulomb bound.
     pub slip: u64,
 }
 
-/// The energy book at the end of a run, J.
+/// Energy balance at the end of a run.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
 pub struct EnergySummary {
-    /// What the instrument put in.
+    /// Work of the instrument, J.
     pub work_j: f64,
-    /// Σ |f·Δq|.
+    /// Absolute work of the instrument, Σ |f·Δq|, J.
     pub absolute_work_j: f64,
-    /// Change of kinetic, elastic and gravitational energy within ticks.
+    /// Change of kinetic, elastic and gravitational energy within ticks, J.
     pub stored_j: f64,
-    /// By dampers and drag.
+    /// Energy dissipated by dampers and drag, J.
     pub damping_loss_j: f64,
-    /// By slipping.
+    /// Energy dissipated by slipping, J.
     pub friction_loss_j: f64,
-    /// By impacts, under the velocity scheme.
+    /// Energy dissipated by impacts under the velocity scheme, J.
     pub impact_loss_j: f64,
-    /// Work − stored − dissipated: what the scheme and the exterior made or lost.
+    /// Energy residual, work − stored − dissipated, J. Scheme and exterior generate energy if it is negative.
     pub residual_j: f64,
-    /// Relative to Σ |f·Δq|; 0 without work.
+    /// Energy residual over Σ |f·Δq|; 0 without work.
     pub residual_relative: f64,
 }
 
 impl EnergySummary {
-    /// Whether the residual is no more than Σ |f·Δq|, where there was contact. The geometric scheme moves nodes without
-    /// work; in shipped scenes that end without a fault the residual is 0.39 of it at most.
+    /// Returns whether the energy residual is at most Σ |f·Δq|; true without contact. The geometric scheme moves nodes
+    /// without work: in shipped scenes that end without a fault the residual is up to 0.39 of Σ |f·Δq|.
     pub fn is_plausible(&self) -> bool {
         self.absolute_work_j == 0.0 || self.residual_j.abs() <= self.absolute_work_j
     }
 }
 
-/// A run in numbers.
+/// Quantities of a run.
 #[derive(Debug, Clone, Serialize)]
 pub struct Summary {
-    /// Its scene.
+    /// Name of the scene.
     pub scene: String,
-    /// Of the program.
+    /// Version of the program.
     pub version: &'static str,
-    /// Whether it reached its duration.
+    /// Whether the run reached its duration.
     pub completed: bool,
     /// The fault that ended it, if one did.
     pub fault: Option<String>,
-    /// What the scene did not need.
+    /// Parts of the pipeline that the scene does not need.
     pub left_out: Vec<String>,
-    /// Rows of the trace.
+    /// Number of ticks, each a row of the trace.
     pub ticks: u64,
-    /// By mode.
+    /// Number of ticks in each mode.
     pub mode_ticks: ModeTicks,
     /// Share of stick and slip ticks that stick; absent without friction.
     pub stick_share: Option<f64>,
-    /// Times the tip met the surface.
+    /// Number of collisions of the tip with the surface.
     pub collisions: u64,
-    /// Contact losses as [`ContactMeasures`] defines them.
+    /// Number of contact losses, as [`ContactMeasures`] defines them.
     pub contact_losses: u64,
-    /// Times a contact ended.
+    /// Number of contacts that ended.
     pub releases: u64,
     /// Ticks with a contact kept under tension.
     pub tension_ticks: u64,
-    /// Ticks in which the contact was rigid: its point had left the free nodes of the patch.
+    /// Ticks with a rigid contact: its point had left the free nodes of the patch.
     pub patch_exits: u64,
-    /// Ticks with the tip inside the surface, no force and no contact kept, by [`ContactMeasures`]; must be 0.
+    /// Ticks with the tip inside the surface, no force and no contact kept, as [`ContactMeasures`] defines them; 0 in a
+    /// run that passes.
     pub tunnelling_ticks: u64,
-    /// Ticks in which the law had no solution for the contact's response and sliding was solved in its place.
+    /// Ticks in which the law had no solution for the contact's response and sliding was solved instead.
     pub fallback_ticks: u64,
-    /// N.
+    /// Largest commanded force, N.
     pub largest_force_n: f64,
-    /// N.
+    /// Largest normal force, N.
     pub largest_normal_force_n: f64,
-    /// N.
+    /// Largest tangential force, N.
     pub largest_tangential_force_n: f64,
     /// Largest force jump as [`ContactMeasures`] defines it, N.
     pub largest_force_jump_n: f64,
-    /// Its tick.
+    /// Tick of the largest force jump; absent if the force never changed in contact.
     pub largest_force_jump_tick: Option<u64>,
-    /// Changes of mode.
+    /// Mode switches per second of simulated time, 1/s.
     pub mode_switches_per_s: f64,
     /// Mean square of the force above 100 Hz, N².
     pub force_power_above_100_hz_n2: f64,
-    /// The energy book.
+    /// Energy balance at the end.
     pub energy: EnergySummary,
-    /// What was computed.
+    /// Counts of the work done.
     pub work: WorkCounts,
-    /// What became of a condensed exterior; absent where there is none.
+    /// Outcomes of static condensation; absent without a condensed exterior.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub condensation: Option<CondensationCounts>,
-    /// What was late; absent without deadlines.
+    /// Deadline outcomes; absent without deadlines.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timing: Option<TimingSummary>,
-    /// What the modelled device went through; absent without one.
+    /// Quantities of the modelled device; absent without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<DeviceSummary>,
-    /// Of the run with its outputs.
+    /// Wall-clock time of the run and its output, s.
     pub wall_time_s: f64,
 }
 
 impl Recorder {
-    /// Takes in a tick.
+    /// Records a tick.
     pub fn record(&mut self, view: &TickView) {
         let report = view.report;
         self.contact.record(view);
@@ -304,12 +304,12 @@ impl Recorder {
         });
     }
 
-    /// Every tick so far.
+    /// Returns the samples of all ticks so far.
     pub fn samples(&self) -> &[Sample] {
         &self.samples
     }
 
-    /// The run in numbers.
+    /// Computes the summary.
     pub fn summary(&self, scene: &Scene, fault: Option<&Fault>, wall_time_s: f64) -> Summary {
         let samples = &self.samples;
         let count = |mode: Mode| samples.iter().filter(|sample| sample.mode == mode).count() as u64;

@@ -1,18 +1,17 @@
-//! `trace.csv`: one row per tick, the state at its end.
+//! `trace.csv`: one row per tick with the state at its end.
 
 use serde::Serialize;
 
 use crate::pipeline::TickView;
 use crate::surface::geometry::ContactPoint;
 
-/// A row. Floats are written in their shortest form that reads back to the same bits. The contact
-/// columns are those of the located contact and stay empty in free ticks; those of a modelled device stay empty
-/// without one.
+/// A row of the trace. Floats are written in the shortest form that reads back to the same bits. The contact columns
+/// describe the located contact and are empty in free ticks. The device columns are empty without a modelled device.
 ///
 /// ```
 /// use stickslip::{output::trace::TraceRow, pipeline, scene::Scene};
 ///
-/// // the tip meets the block after 80
+/// // The tip meets the block after 80 ticks.
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let mut trace = csv::Writer::from_writer(Vec::new());
 /// pipeline::run(&scene, |tick| trace.serialize(TraceRow::new(tick)).expect("a row fits the header"))?;
@@ -65,7 +64,7 @@ pub struct TraceRow {
 }
 
 impl TraceRow {
-    /// The row of a tick.
+    /// Builds the row of a tick.
     pub fn new(view: &TickView) -> Self {
         let report = view.report;
         let weight = |i: usize| report.touch.map(|touch| touch.point.weights[i]);
@@ -102,7 +101,7 @@ impl TraceRow {
             damping_loss: view.energy.damping_loss,
             friction_loss: view.energy.friction_loss,
             impact_loss: view.energy.impact_loss,
-            timing: view.has_deadlines.then(|| view.fate.name()),
+            timing: view.has_deadlines.then(|| view.deadline_outcome.name()),
             device_x: device(0),
             device_y: device(1),
             device_z: device(2),

@@ -1,8 +1,7 @@
-//! A run for ParaView: the network and the instrument as `.vtu` files, some frames a second, and a `.pvd` that gives them
-//! their times.
+//! Frames of a run for ParaView: the network and the instrument as `.vtu` files, and `.pvd` files with their times.
 //!
-//! Written here, a few tags around arrays in base 64: the one crate that writes the format has parsers in it that its
-//! makers no longer keep.
+//! The format, a few tags around arrays in base 64, is written here: the only crate that writes it depends on parsers
+//! that are no longer maintained.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -15,28 +14,30 @@ use crate::Vec3;
 use crate::model::network::Network;
 use crate::pipeline::TickView;
 
-/// Cell types of the format.
+/// Cell type of a point.
 const VTK_VERTEX: u8 = 1;
+/// Cell type of a line.
 const VTK_LINE: u8 = 3;
+/// Cell type of a triangle.
 const VTK_TRIANGLE: u8 = 5;
 
 /// Folder of the frames, beside the `.pvd` files.
 const FRAMES: &str = "vtk";
 
-/// Writes frames of a run.
+/// Writer of a run's frames.
 ///
-/// - `network.pvd`: nodes with velocity, net force, mass, whether they are fixed, whether they are in the patch, and their
-///   weight in the contact point; triangles of the surface and springs as cells.
-/// - `instrument.pvd`: the tip with its force, the contact's normal and what the contact does (0 free, 1 stick, 2 slide,
+/// - `network.pvd` has the nodes with velocity, net force, mass, whether they are fixed, whether they are in the patch,
+///   and their weight in the contact point. Its cells are the triangles of the surface and the springs.
+/// - `instrument.pvd` has the tip with its force, the contact's normal and the contact state (0 free, 1 stick, 2 slide,
 ///   3 slip).
 ///
-/// Nodes of the patch are where the local side has them, those of the surface where the local model holds them, all
-/// others where the global side left them at the last boundary. All quantities are SI.
+/// Positions of patch nodes come from the local side, those of other surface nodes from the local model, and all others
+/// from the global side at the last cycle boundary. All quantities are SI.
 ///
 /// ```
 /// use stickslip::{output::vtk::VtkWriter, pipeline, scene::Scene};
 ///
-/// // the tip meets the block after 80
+/// // The tip meets the block after 80 ticks.
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let folder = tempfile::tempdir()?;
 /// let mut writer = VtkWriter::new(folder.path(), 50)?;
@@ -59,10 +60,10 @@ pub struct VtkWriter {
 }
 
 impl VtkWriter {
-    /// For a frame in so many ticks, at least one, into a folder.
+    /// Creates the folder of the frames; a frame is written every `every_ticks` ticks, or every tick if that is 0.
     ///
     /// # Errors
-    /// If the folder cannot be written.
+    /// If the folder cannot be created.
     pub fn new(out: &Path, every_ticks: u64) -> Result<Self, WriteError> {
         let frames = out.join(FRAMES);
         fs::create_dir_all(&frames).map_err(|source| WriteError { path: frames, source })?;
@@ -78,7 +79,7 @@ impl VtkWriter {
         })
     }
 
-    /// Takes a tick in. What cannot be written is told by [`finish`](Self::finish).
+    /// Records a tick. [`finish`](Self::finish) returns the error if a file cannot be written.
     pub fn record(&mut self, view: &TickView) {
         if self.trouble.is_some() || !view.tick.is_multiple_of(self.every_ticks) {
             return;
@@ -91,7 +92,7 @@ impl VtkWriter {
     /// Writes the `.pvd` files and returns the number of frames.
     ///
     /// # Errors
-    /// If a file could not be written, now or before.
+    /// If a file, of this call or of a frame, could not be written.
     pub fn finish(self) -> Result<usize, WriteError> {
         if let Some(error) = self.trouble {
             return Err(error);
@@ -138,7 +139,7 @@ impl VtkWriter {
         Ok(())
     }
 
-    /// Positions, velocities and net forces of all nodes.
+    /// Sets positions, velocities and net forces of all nodes.
     fn place(&mut self, view: &TickView) {
         let (model, state) = (view.local.model(), view.local.state());
         self.x.clone_from(&view.network_state.x);
@@ -155,7 +156,7 @@ impl VtkWriter {
     }
 }
 
-/// Of every node in the contact point; all zero when free.
+/// Returns every node's weight in the contact point; all are zero in a free tick.
 fn contact_weights(view: &TickView) -> Vec<f64> {
     let mut weights = vec![0.0; view.network.node_count()];
     if let Some(touch) = view.report.touch {
@@ -166,7 +167,7 @@ fn contact_weights(view: &TickView) -> Vec<f64> {
     weights
 }
 
-/// The surface's triangles, then the springs: the same in every frame.
+/// Builds the cells, equal in all frames: the surface's triangles, then the springs.
 fn cells(view: &TickView) -> String {
     let surface = &view.local.surface().topology;
     let Network { springs, .. } = view.network;
@@ -194,7 +195,7 @@ fn piece_of_cells(x: &[Vec3], connectivity: &[i64], offsets: &[i64], types: &[u8
     piece(x, &cells_of(connectivity, offsets, types), data)
 }
 
-/// A whole `.vtu` file.
+/// Builds a whole `.vtu` file.
 fn piece(x: &[Vec3], cells: &str, data: &str) -> String {
     let points = vectors("Points", x);
     document(
@@ -230,7 +231,7 @@ fn bytes(name: &str, values: &[u8]) -> String {
     array("UInt8", name, 1, values.iter().copied())
 }
 
-/// Length in bytes, then the bytes.
+/// Builds an array in base 64: its length in bytes, then the bytes.
 fn array(kind: &str, name: &str, components: usize, bytes: impl Iterator<Item = u8>) -> String {
     let mut block = vec![0; 8];
     block.extend(bytes);

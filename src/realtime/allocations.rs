@@ -1,5 +1,4 @@
-//! Counts what a thread allocates, in a release build: a program that wants to be certified makes
-//! [`Counting`] its allocator.
+//! Counts of a thread's allocations in a release build. A program to be certified takes [`Counting`] as its allocator.
 #![allow(unsafe_code)]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -7,7 +6,7 @@ use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 thread_local! {
-    // Constant and without a destructor: to read and write it allocates nothing itself.
+    // Constant and without a destructor: reading and writing it allocates nothing.
     static CALLS: Cell<u64> = const { Cell::new(0) };
 }
 
@@ -36,7 +35,7 @@ fn count() {
     COUNTS.store(true, Ordering::Relaxed);
 }
 
-// SAFETY: every call goes on to the system's allocator as it came.
+// SAFETY: every call is passed on to the system's allocator unchanged.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count();
@@ -59,7 +58,7 @@ unsafe impl GlobalAlloc for Counting {
     }
 }
 
-/// Calls of the allocator by this thread so far, freeing included; `None` if nobody counts.
+/// Returns the number of allocator calls by this thread so far, freeing included; `None` without [`Counting`].
 pub fn on_this_thread() -> Option<u64> {
     COUNTS.load(Ordering::Relaxed).then(|| CALLS.with(Cell::get))
 }

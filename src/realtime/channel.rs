@@ -1,5 +1,5 @@
-//! What passes between the servo thread and the global one: models down, the patch's path up. Neither side
-//! ever waits for the other: a model lies in one of three buffers, the path goes through a ring.
+//! The channel between servo thread and global thread: models one way, the patch's path the other. Neither side ever
+//! waits for the other: a model lies in one of three buffers, the path goes through a ring.
 
 use std::collections::VecDeque;
 
@@ -8,34 +8,34 @@ use triple_buffer::{Input, Output, TripleBuffer};
 
 use crate::Vec3;
 use crate::contact::state::Contact;
-use crate::multirate::failsafe::Cause;
+use crate::multirate::failsafe::FaultCause;
 use crate::multirate::messages::{CycleMessage, ModelMessage};
 use crate::multirate::servo::Servo;
-use crate::multirate::trajectory::{Keep, Trajectory};
+use crate::multirate::trajectory::{PathRecording, Trajectory};
 
-/// Cycles of the patch's path that fit into the ring.
+/// Number of cycles of the patch's path that fit into the ring.
 const CYCLES_IN_RING: usize = 4;
-/// A later patch may have this many times the nodes of the first.
+/// Largest number of nodes of a later patch, as a multiple of the first patch's.
 const PATCH_GROWTH: usize = 4;
 
-/// What comes down: a model, or why there is none.
+/// A message of the global thread: a model, or the cause why there is none.
 #[derive(Debug, Default)]
 struct Slot {
-    /// Of the pass that it was built in.
+    /// Number of the pass that the model was built in.
     pass: u32,
-    /// The boundary it was built from.
+    /// Boundary that the model was built from, as a tick.
     from: u64,
-    content: Option<Result<ModelMessage, Cause>>,
+    content: Option<Result<ModelMessage, FaultCause>>,
 }
 
 /// A note in the ring, followed by m positions and m velocities.
 #[derive(Debug, Clone, Copy)]
 struct Note {
     pass: u32,
-    /// The tick that begins, or that has been done.
+    /// The tick that begins or that has been completed.
     tick: u64,
     kind: Kind,
-    /// The boundary that the model in use was built from: it says which nodes they are.
+    /// Boundary that the model in use was built from; it identifies the patch's nodes.
     from: u64,
     m: u32,
     contact: Option<Contact>,
@@ -44,70 +44,71 @@ struct Note {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
-    /// A segment of the path begins: a cycle, or a model.
+    /// A segment of the path begins, with a cycle or a model.
     Begin,
-    /// A tick has been done.
+    /// A tick has been completed.
     Tick,
 }
 
-/// The servo thread's end.
+/// The servo thread's end of the channel.
 pub struct ServoEnd {
     notes: Producer<Note>,
     values: Producer<Vec3>,
     models: Output<Slot>,
     pass: u32,
-    /// Of the model in use.
+    /// Boundary that the model in use was built from.
     from: u64,
     is_open: bool,
-    /// Notes that found the ring full.
+    /// Number of notes lost because the ring was full.
     lost: u64,
 }
 
-/// The global thread's end.
+/// The global thread's end of the channel.
 pub struct GlobalEnd {
     notes: Consumer<Note>,
     values: Consumer<Vec3>,
     models: Input<Slot>,
     ticks_per_cycle: u64,
-    keep: Keep,
+    recording: PathRecording,
     pass: u32,
-    /// The nodes of every model that may still be in use, by the boundary it was built from.
+    /// Nodes of every model that may still be in use, with the boundary it was built from.
     nodes: VecDeque<(u64, Vec<u32>)>,
     trajectory: Trajectory,
     x: Vec<Vec3>,
     v: Vec<Vec3>,
 }
 
-/// A pair of ends for cycles of so many ticks and a first model of these nodes. Without anything to keep, nothing goes up.
+/// Builds both ends for cycles of this many ticks and a first model of these nodes. Without a recording, the servo
+/// thread sends nothing.
 ///
 /// ```
-/// use stickslip::{multirate::timeline::Fate, pipeline::{Sides, Simulation}, realtime::channel::channel, scene::Scene};
+/// use stickslip::{multirate::timeline::DeadlineOutcome, pipeline::{Sides, Simulation}, realtime::channel::channel, scene::Scene};
 ///
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
 /// let simulation = Simulation::prepare(&scene)?;
-/// let keep = simulation.keeps();
+/// let recording = simulation.recording();
 /// let Sides { mut servo, mut global } = simulation.into_sides();
-/// let (mut servo_end, mut global_end) = channel(100, keep, &servo.local().model().patch.nodes);
+/// let (mut servo_end, mut global_end) = channel(100, recording, &servo.local().model().patch.nodes);
 ///
-/// // Up: the path of one cycle, tick by tick.
+/// // The servo thread sends the path of one cycle, tick by tick.
 /// servo_end.begin_pass(0, &servo);
 /// for _ in 0..100 {
-///     servo.tick(Fate::OnTime)?;
+///     servo.tick(DeadlineOutcome::OnTime)?;
 ///     servo_end.end_tick(&servo);
 /// }
 /// assert_eq!(global_end.pass_waiting(), Some(0));
 /// let (boundary, cycle) = global_end.next_cycle().expect("a whole cycle has come up");
 /// assert_eq!((boundary, cycle.tip, servo_end.lost()), (100, servo.tip(), 0));
 ///
-/// // Down: the model that is built from it.
+/// // The global thread sends the model that is built from it.
 /// global_end.send(boundary, global.next_model([cycle], &mut |_| ()));
 /// assert_eq!(servo_end.take_model(&mut servo), Ok(Some(100)));
 /// servo_end.begin_segment(&servo);
 /// assert_eq!(servo.local().model_age(), 0);
-/// assert_eq!(servo_end.take_model(&mut servo), Ok(None)); // once
+/// assert_eq!(servo_end.take_model(&mut servo), Ok(None)); // each model is taken once
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub fn channel(ticks_per_cycle: u64, keep: Option<Keep>, first_nodes: &[u32]) -> (ServoEnd, GlobalEnd) {
+pub fn channel(ticks_per_cycle: u64, recording: Option<PathRecording>, first_nodes: &[u32]) -> (ServoEnd, GlobalEnd) {
     // Every tick may also begin a segment.
     let records = 2 * CYCLES_IN_RING * ticks_per_cycle as usize;
     let (notes_up, notes) = RingBuffer::new(records);
@@ -120,19 +121,19 @@ pub fn channel(ticks_per_cycle: u64, keep: Option<Keep>, first_nodes: &[u32]) ->
         models: models_down,
         pass: 0,
         from: 0,
-        is_open: keep.is_some(),
+        is_open: recording.is_some(),
         lost: 0,
     };
-    let keep = keep.unwrap_or(Keep::End);
+    let recording = recording.unwrap_or(PathRecording::LastTick);
     let mut global = GlobalEnd {
         notes,
         values,
         models,
         ticks_per_cycle,
-        keep,
+        recording,
         pass: 0,
         nodes: VecDeque::new(),
-        trajectory: Trajectory::new(keep),
+        trajectory: Trajectory::new(recording),
         x: Vec::new(),
         v: Vec::new(),
     };
@@ -141,18 +142,18 @@ pub fn channel(ticks_per_cycle: u64, keep: Option<Keep>, first_nodes: &[u32]) ->
 }
 
 impl ServoEnd {
-    /// A fresh state: what is still under way for the last one is ignored from here on.
+    /// Begins a pass; messages of the last pass are ignored from here on.
     pub fn begin_pass(&mut self, pass: u32, servo: &Servo) {
         (self.pass, self.from) = (pass, 0);
         self.note(Kind::Begin, servo, 0);
     }
 
-    /// A model that has arrived comes into use, if there is one; the old one goes back to where models are
-    /// built. The boundary it was built from. Allocates nothing, frees nothing.
+    /// Puts a model that has arrived to use, if there is one; the old one goes back to the global thread. Returns the
+    /// boundary that the model was built from. Allocates nothing, frees nothing.
     ///
     /// # Errors
-    /// With what went wrong on the global side, and the boundary at which it did.
-    pub fn take_model(&mut self, servo: &mut Servo) -> Result<Option<u64>, (u64, Cause)> {
+    /// If the global side has a fault; returned with the boundary at which it occurred.
+    pub fn take_model(&mut self, servo: &mut Servo) -> Result<Option<u64>, (u64, FaultCause)> {
         if !self.models.update() {
             return Ok(None);
         }
@@ -171,18 +172,18 @@ impl ServoEnd {
         }
     }
 
-    /// A segment of the path begins with the tick that comes next.
+    /// Sends the begin of a segment with the next tick.
     pub fn begin_segment(&mut self, servo: &Servo) {
         self.note(Kind::Begin, servo, servo.next_tick());
     }
 
-    /// A tick has been done.
+    /// Sends the end of a tick.
     pub fn end_tick(&mut self, servo: &Servo) {
         self.note(Kind::Tick, servo, servo.next_tick() - 1);
     }
 
-    /// Notes that found the ring full, because the global side was too late by cycles. The path it saw is not
-    /// the one that was.
+    /// Returns the number of notes lost because the global side was cycles too late and the ring was full. The path
+    /// that it received is then incomplete.
     pub fn lost(&self) -> u64 {
         self.lost
     }
@@ -202,7 +203,7 @@ impl ServoEnd {
             contact: local.contact(),
             tip: servo.tip(),
         };
-        // Values first: who reads a note finds them there.
+        // Values first: a reader of the note finds them complete.
         if self.values.slots() < 2 * m || self.notes.is_full() {
             self.lost += 1;
             return;
@@ -215,20 +216,20 @@ impl ServoEnd {
 }
 
 impl GlobalEnd {
-    /// A fresh state with its first model.
+    /// Begins a pass with its first model.
     pub fn begin_pass(&mut self, pass: u32, nodes: &[u32]) {
         self.pass = pass;
         self.nodes.clear();
         self.nodes.push_back((0, nodes.to_vec()));
-        self.trajectory = Trajectory::new(self.keep);
+        self.trajectory = Trajectory::new(self.recording);
     }
 
-    /// The pass of the oldest note that waits.
+    /// Returns the pass of the oldest note that waits.
     pub fn pass_waiting(&self) -> Option<u32> {
         self.notes.peek().ok().map(|note| note.pass)
     }
 
-    /// Takes in what has come up of this pass, to the end of a cycle at most: the boundary there, and the cycle
+    /// Reads what has arrived of this pass, to the end of a cycle at most. Returns the boundary there, and the cycle
     /// before it.
     pub fn next_cycle(&mut self) -> Option<(u64, CycleMessage)> {
         while self.pass_waiting() == Some(self.pass) {
@@ -245,7 +246,7 @@ impl GlobalEnd {
                 Kind::Tick => {
                     self.trajectory.record_at(&self.x, &self.v);
                     if tick_in_cycle + 1 == self.ticks_per_cycle {
-                        let trajectory = std::mem::replace(&mut self.trajectory, Trajectory::new(self.keep));
+                        let trajectory = std::mem::replace(&mut self.trajectory, Trajectory::new(self.recording));
                         let message = CycleMessage { trajectory, contact: note.contact, tip: note.tip };
                         return Some((note.tick + 1, message));
                     }
@@ -255,16 +256,16 @@ impl GlobalEnd {
         None
     }
 
-    /// Sends a model down, or why there is none.
-    pub fn send(&mut self, from: u64, content: Result<ModelMessage, Cause>) {
+    /// Sends a model, or the cause why there is none.
+    pub fn send(&mut self, from: u64, content: Result<ModelMessage, FaultCause>) {
         if let Ok(message) = &content {
             self.nodes.push_back((from, message.model.patch.nodes.clone()));
-            // One may be in use, one in each buffer.
+            // One model may be in use, and one in each buffer.
             while self.nodes.len() > 4 {
                 self.nodes.pop_front();
             }
         }
-        // What lies in the buffer is an old model that came back: it is freed here, not on the servo thread.
+        // The buffer holds an old model that came back: it is freed here, not on the servo thread.
         *self.models.input_buffer_mut() = Slot { pass: self.pass, from, content: Some(content) };
         self.models.publish();
     }
@@ -272,7 +273,7 @@ impl GlobalEnd {
     fn take_values(&mut self, m: usize) {
         for values in [&mut self.x, &mut self.v] {
             values.resize(m, Vec3::zeros());
-            // Values are there before their note.
+            // Values are complete before their note.
             let complete = self.values.pop_entire_slice(values).is_ok();
             debug_assert!(complete, "a note without its values");
         }

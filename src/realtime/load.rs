@@ -1,11 +1,11 @@
-//! Other work for the machine while a servo loop is measured.
+//! Background load on the machine while a servo loop is measured.
 
 use std::hint::black_box;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
-/// What else the machine does.
+/// A kind of background load.
 ///
 /// ```
 /// use stickslip::realtime::load::Load;
@@ -19,7 +19,7 @@ use std::thread::JoinHandle;
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Load {
-    /// Nothing of ours.
+    /// No background load.
     None,
     /// A thread per CPU that computes without end.
     Cpu,
@@ -27,10 +27,10 @@ pub enum Load {
     Memory,
 }
 
-/// Words of a memory load: 64 MiB.
+/// Number of words of a memory load, 64 MiB.
 const WORDS: usize = 8 << 20;
 
-/// Runs until it is dropped.
+/// A background load that runs until it is dropped.
 #[derive(Debug)]
 pub struct Running {
     stop: Arc<AtomicBool>,
@@ -38,7 +38,7 @@ pub struct Running {
 }
 
 impl Load {
-    /// Starts it on so many threads, of ordinary priority.
+    /// Starts the load on a number of threads of ordinary priority.
     pub fn start(self, threads: usize) -> Running {
         let stop = Arc::new(AtomicBool::new(false));
         let threads = match self {

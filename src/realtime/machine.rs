@@ -5,39 +5,39 @@ use std::fs;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-/// Instruction sets that decide which kernels a program takes.
+/// Instruction sets that decide which kernels the program selects.
 const FEATURES: [&str; 6] = ["sse2", "sse4_2", "avx", "avx2", "fma", "avx512f"];
 
-/// What is known of the machine. What it does not tell is absent.
+/// Description of the machine. Unknown properties are `None`.
 ///
 /// ```
 /// use stickslip::realtime::machine::Machine;
 ///
 /// let machine = Machine::describe(0);
-/// assert!(machine.program_sha256.is_some_and(|digits| digits.len() == 64)); // of the program that runs
+/// assert!(machine.program_sha256.is_some_and(|digits| digits.len() == 64)); // the running program
 /// assert!(machine.kernel.is_some_and(|version| version.starts_with("Linux")));
 /// ```
 #[derive(Debug, Clone, Serialize)]
 pub struct Machine {
-    /// Release and build of the kernel; says `PREEMPT_RT` where it is one.
+    /// Release and build of the kernel; contains `PREEMPT_RT` for a real-time kernel.
     pub kernel: Option<String>,
-    /// Where its clock comes from.
+    /// Clock source of the kernel.
     pub clock_source: Option<String>,
     /// Frequency governor of the servo's CPU.
     pub governor: Option<String>,
-    /// Whether it runs under a hypervisor.
+    /// Whether the machine runs under a hypervisor.
     pub hypervisor: bool,
-    /// The processor's name.
+    /// Name of the processor.
     pub processor: Option<String>,
-    /// CPUs.
+    /// Number of CPUs.
     pub cpus: usize,
-    /// CPUs that the scheduler leaves alone.
+    /// CPUs that are isolated from the scheduler.
     pub isolated: Option<String>,
-    /// Instruction sets that it has, of those that decide which kernels are taken.
+    /// Supported instruction sets, of those that decide which kernels are selected.
     pub cpu_features: Vec<&'static str>,
-    /// Share of time that real-time threads may have, µs per second; −1 without limit.
+    /// CPU time that real-time threads may use, µs per second; −1 without limit.
     pub rt_runtime_us: Option<String>,
-    /// Of the program that ran.
+    /// SHA-256 of the program that ran.
     pub program_sha256: Option<String>,
 }
 
@@ -48,7 +48,7 @@ fn line(path: &str) -> Option<String> {
 }
 
 impl Machine {
-    /// This one; `cpu` is the servo's.
+    /// Describes this machine; `cpu` is the servo's.
     pub fn describe(cpu: usize) -> Self {
         let info = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
         let field = |name: &str| {
@@ -77,13 +77,14 @@ fn program_sha256() -> Option<String> {
     Some(Sha256::digest(program).iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
-/// Time that the hypervisor has taken from all CPUs so far, in ticks of the kernel's accounting (10 ms as a rule).
+/// Returns the time that the hypervisor has taken from all CPUs so far, in ticks of the kernel's accounting (usually 10
+/// ms).
 ///
 /// ```
 /// use stickslip::realtime::machine::stolen;
 ///
 /// let before = stolen();
-/// assert!(stolen() >= before); // a count; on a machine of one's own it stays 0
+/// assert!(stolen() >= before); // a count; on a physical machine it stays 0
 /// ```
 pub fn stolen() -> Option<u64> {
     // cpu user nice system idle iowait irq softirq steal …

@@ -1,65 +1,65 @@
-//! What a servo loop's ticks took: everything is recorded in memory that is there before the loop begins.
+//! Time measurements of a servo loop's ticks, recorded in memory that is allocated before the loop begins.
 
 use hdrhistogram::Histogram;
 use serde::Serialize;
 
 use super::os::Usage;
 
-/// Longest time that a histogram tells from longer ones, ns. Maxima are kept apart.
+/// Longest time that a histogram resolves, ns. Maxima are recorded separately.
 const LONGEST_NS: u64 = 10_000_000_000;
 /// Significant digits of a histogram.
 const DIGITS: u8 = 3;
-/// Blocks that a run is divided into, for its course over time and for tests of independence.
+/// Number of blocks that a run is divided into, for its course over time and for tests of independence.
 const BLOCKS: u64 = 2000;
-/// Ticks of a block at least: the longest of fewer is no extreme.
+/// Least number of ticks of a block: the maximum of fewer is no extreme value.
 const LEAST_BLOCK: u64 = 50;
-/// Misses that are kept one by one; all are counted.
+/// Largest number of misses recorded one by one; all are counted.
 const MISSES_KEPT: usize = 4096;
-/// Worst ticks that are kept, by response and by CPU time each.
+/// Number of worst ticks recorded, by response and by CPU time each.
 const WORST_KEPT: usize = 8;
 
-/// A tick's times.
+/// Measured times of a tick.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct TickTimes {
-    /// The run of the path that it belongs to.
+    /// Number of the tick's pass.
     pub pass: u32,
-    /// Counted from 0 in its pass.
+    /// Number of the tick in its pass, from 0.
     pub tick: u64,
-    /// From the scheduled release to the tick's begin, ns.
+    /// Time from the scheduled release to the tick's begin, ns.
     pub release_ns: u64,
-    /// From the scheduled release to the command, ns: this is what a deadline is about.
+    /// Time from the scheduled release to the command, ns, which a deadline bounds.
     pub response_ns: u64,
-    /// From begin to command, ns.
+    /// Time from begin to command, ns.
     pub compute_ns: u64,
-    /// CPU time of the thread for the same, ns; with what reading that clock takes.
+    /// CPU time of the thread from begin to command, ns, including the reading of that clock.
     pub cpu_ns: u64,
 }
 
-/// A tick that missed its deadline, and what the thread's counters had to say.
+/// A deadline miss, with the thread's counters.
 #[derive(Debug, Clone, Copy)]
 pub struct Miss {
-    /// What it took.
+    /// Times of the tick.
     pub times: TickTimes,
-    /// When it was released, ns after the window began.
+    /// Time of the release after the window began, ns.
     pub at_ns: u64,
     /// Whether the tick before missed its deadline too.
     pub follows: bool,
-    /// Since the miss before, or the begin of the window.
+    /// Counters since the miss before, or since the window began.
     pub usage: Usage,
 }
 
-/// A stretch of the run.
+/// A segment of the run.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Block {
-    /// In it.
+    /// Number of ticks in the block.
     pub ticks: u64,
-    /// In it.
+    /// Number of misses in the block.
     pub misses: u64,
     /// Longest response, ns.
     pub response_max_ns: u64,
-    /// Σ responses, ns.
+    /// Sum of the responses, ns.
     pub response_sum_ns: u64,
-    /// Longest response of the empty loop, ns.
+    /// Longest response of the control loop without a payload, ns.
     pub control_max_ns: u64,
 }
 
@@ -95,22 +95,22 @@ impl Times {
         self.max_ns = self.max_ns.max(ns);
     }
 
-    /// How many there are.
+    /// Returns the number of times recorded.
     pub fn count(&self) -> u64 {
         self.histogram.len()
     }
 
-    /// At least this share of them is not longer, ns, to three digits; the maximum exactly.
+    /// Returns the time that at least this share does not exceed, ns, to three digits; the maximum is exact.
     pub fn quantile_ns(&self, share: f64) -> u64 {
         self.histogram.value_at_quantile(share).min(self.max_ns)
     }
 
-    /// The longest, ns.
+    /// Returns the longest time, ns.
     pub fn max_ns(&self) -> u64 {
         self.max_ns
     }
 
-    /// (time in ns, share that takes longer), for plots.
+    /// Returns pairs of a time, ns, and the share of times that are at least as long, for plots.
     pub fn tail(&self) -> Vec<(f64, f64)> {
         let total = self.histogram.len() as f64;
         let mut above = self.histogram.len();
@@ -123,7 +123,7 @@ impl Times {
     }
 }
 
-/// Everything that is measured.
+/// The time measurements of a run.
 ///
 /// ```
 /// use stickslip::realtime::{meter::{Meter, TickTimes}, os::Usage};
@@ -135,7 +135,7 @@ impl Times {
 ///     assert!(meter.tick(times, tick * 1_000_000));
 ///     meter.control(Some((2_000, 3_000)));
 /// }
-/// // A tick that takes 2.2 ms, so that two are left out.
+/// // A tick that takes 2.2 ms, so that two are skipped.
 /// let late = TickTimes { tick: 997, response_ns: 2_200_000, cpu_ns: 2_100_000, ..TickTimes::default() };
 /// assert!(!meter.tick(late, 997_000_000));
 /// meter.skip();
@@ -151,24 +151,24 @@ impl Times {
 /// ```
 #[derive(Debug, Clone)]
 pub struct Meter {
-    /// From a scheduled release to the tick's begin.
+    /// Times from a scheduled release to the tick's begin.
     pub release: Times,
-    /// From a scheduled release to the command.
+    /// Times from a scheduled release to the command.
     pub response: Times,
-    /// From begin to command.
+    /// Times from begin to command.
     pub compute: Times,
-    /// CPU time of the same.
+    /// CPU times from begin to command.
     pub cpu: Times,
-    /// Of the loop that does nothing, released half a tick later.
+    /// Times from release to begin of the control loop without a payload, released half a tick later.
     pub control_release: Times,
-    /// Until it has done nothing.
+    /// Times from release to end of the control loop without a payload.
     pub control_response: Times,
     deadline_ns: u64,
-    /// Ticks that missed their deadline, and ticks that were left out.
+    /// Number of ticks that missed their deadline, then of ticks that were skipped.
     missed: u64,
     skipped: u64,
     control_missed: u64,
-    /// Releases of the empty loop that had passed before the tick was done.
+    /// Number of releases of the control loop that had passed before the tick was complete.
     control_left_out: u64,
     run: u64,
     longest_run: u64,
@@ -182,7 +182,7 @@ pub struct Meter {
 }
 
 impl Meter {
-    /// For so many ticks with this deadline.
+    /// Prepares measurements for a number of ticks with this deadline, ns.
     pub fn new(ticks: u64, deadline_ns: u64) -> Self {
         let times = Times::new();
         let block_ticks = ticks.div_ceil(BLOCKS).max(LEAST_BLOCK);
@@ -211,12 +211,12 @@ impl Meter {
         }
     }
 
-    /// The window begins.
+    /// Begins the window.
     pub fn begin(&mut self, usage: Usage) {
         self.last_usage = usage;
     }
 
-    /// A tick was done, released `at_ns` after the window began. Whether it met its deadline.
+    /// Records a tick, released `at_ns` after the window began. Returns whether it met its deadline.
     pub fn tick(&mut self, times: TickTimes, at_ns: u64) -> bool {
         self.release.record(times.release_ns);
         self.response.record(times.response_ns);
@@ -238,7 +238,7 @@ impl Meter {
         self.missed += 1;
         let follows = self.run > 0;
         self.extend_run();
-        // Only a miss pays for reading the counters.
+        // Only a miss costs the reading of the counters.
         let usage = Usage::of_this_thread();
         if self.misses.len() < self.misses.capacity() {
             self.misses.push(Miss { times, at_ns, follows, usage: usage.since(self.last_usage) });
@@ -247,7 +247,7 @@ impl Meter {
         false
     }
 
-    /// A tick was left out.
+    /// Records a skipped tick.
     pub fn skip(&mut self) {
         self.skipped += 1;
         self.extend_run();
@@ -258,7 +258,7 @@ impl Meter {
         self.longest_run = self.longest_run.max(self.run);
     }
 
-    /// The empty loop was done, or its release had passed.
+    /// Records the control loop's release and response times, ns, or a release that had passed (`None`).
     pub fn control(&mut self, times: Option<(u64, u64)>) {
         let Some((release_ns, response_ns)) = times else {
             self.control_left_out += 1;
@@ -272,59 +272,59 @@ impl Meter {
         block.control_max_ns = block.control_max_ns.max(response_ns);
     }
 
-    /// Ticks that were done.
+    /// Returns the number of ticks completed.
     pub fn ticks(&self) -> u64 {
         self.ticks
     }
 
-    /// Ns.
+    /// Returns the deadline, ns.
     pub fn deadline_ns(&self) -> u64 {
         self.deadline_ns
     }
 
-    /// Ticks that were done and missed their deadline.
+    /// Returns the number of completed ticks that missed their deadline.
     pub fn missed(&self) -> u64 {
         self.missed
     }
 
-    /// Ticks that were left out.
+    /// Returns the number of skipped ticks.
     pub fn skipped(&self) -> u64 {
         self.skipped
     }
 
-    /// Of the empty loop: deadlines missed, releases left out.
+    /// Returns the control loop's numbers of missed deadlines and of omitted releases.
     pub fn control_missed(&self) -> (u64, u64) {
         (self.control_missed, self.control_left_out)
     }
 
-    /// Missed or left out, one after the other.
+    /// Returns the largest number of consecutive ticks that were missed or skipped.
     pub fn longest_run(&self) -> u64 {
         self.longest_run
     }
 
-    /// The first 4096 of them.
+    /// Returns the first 4096 misses.
     pub fn misses(&self) -> &[Miss] {
         &self.misses
     }
 
-    /// The run's course.
+    /// Returns the blocks of the run.
     pub fn blocks(&self) -> &[Block] {
         let used = self.blocks.iter().take_while(|block| block.ticks > 0).count();
         &self.blocks[..used]
     }
 
-    /// Longest response first.
+    /// Returns the worst ticks, longest response first.
     pub fn worst_by_response(&self) -> &[TickTimes] {
         &self.worst_response
     }
 
-    /// Most CPU time first.
+    /// Returns the worst ticks, most CPU time first.
     pub fn worst_by_cpu(&self) -> &[TickTimes] {
         &self.worst_cpu
     }
 }
 
-/// Descending; the list never grows beyond its capacity.
+/// Inserts a tick in descending order; the list never grows beyond its capacity.
 fn keep_worst(worst: &mut Vec<TickTimes>, times: TickTimes, by: impl Fn(&TickTimes) -> u64) {
     if worst.len() < WORST_KEPT || worst.last().is_some_and(|least| by(least) < by(&times)) {
         let at = worst.partition_point(|other| by(other) >= by(&times));

@@ -1,8 +1,8 @@
-//! Real time: the servo loop on a thread of its own against the clock, the global cycle on another, and a
-//! measurement of what every tick took. Linux only.
+//! Real-time runs on Linux: the servo loop on a thread of its own against the clock, the global cycle on another, and
+//! time measurements of every tick.
 //!
-//! The servo thread allocates nothing, locks nothing and makes no system call but the clock and the sleep once
-//! its window has begun; a missed deadline alone makes it read its own counters. Models reach it through a triple buffer,
+//! Once its window has begun, the servo thread allocates nothing, locks nothing and makes no system call but the clock
+//! and the sleep; only after a deadline miss does it read its own counters. Models reach it through a triple buffer,
 //! the patch's path leaves through a ring ([`channel`]); neither ever makes it wait.
 
 pub mod allocations;

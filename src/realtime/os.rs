@@ -1,19 +1,19 @@
-//! What real time needs of Linux: its clocks, an absolute sleep, the scheduler, memory that stays, and the
-//! counters of a thread. The only unsafe code of the library: system calls.
+//! Linux system calls for real time: clocks, an absolute sleep, the scheduler, locked memory, and a thread's counters.
+//! This is the only unsafe code of the library, besides the counting allocator.
 #![allow(unsafe_code)]
 
 use std::io;
 use std::mem::{MaybeUninit, size_of};
 
-/// Nanoseconds of a clock.
+/// Reads a clock, ns.
 fn read(clock: libc::clockid_t) -> u64 {
     let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
-    // SAFETY: `time` is a timespec of our own; it stays zero for a clock that does not exist.
+    // SAFETY: `time` is a local timespec; it stays zero for a clock that does not exist.
     unsafe { libc::clock_gettime(clock, &mut time) };
     time.tv_sec as u64 * 1_000_000_000 + time.tv_nsec as u64
 }
 
-/// `CLOCK_MONOTONIC`, ns.
+/// Returns `CLOCK_MONOTONIC`, ns.
 ///
 /// ```
 /// use stickslip::realtime::os::now_ns;
@@ -25,20 +25,20 @@ pub fn now_ns() -> u64 {
     read(libc::CLOCK_MONOTONIC)
 }
 
-/// CPU time of the calling thread, ns.
+/// Returns the CPU time of the calling thread, ns.
 ///
 /// ```
 /// use stickslip::realtime::os::{now_ns, sleep_until_ns, thread_cpu_ns};
 ///
 /// let (cpu, wall) = (thread_cpu_ns(), now_ns());
 /// sleep_until_ns(wall + 5_000_000);
-/// assert!(thread_cpu_ns() - cpu < now_ns() - wall); // who sleeps takes no CPU time
+/// assert!(thread_cpu_ns() - cpu < now_ns() - wall); // a sleeping thread takes no CPU time
 /// ```
 pub fn thread_cpu_ns() -> u64 {
     read(libc::CLOCK_THREAD_CPUTIME_ID)
 }
 
-/// Sleeps until `CLOCK_MONOTONIC` says so, ns; not at all if it has.
+/// Sleeps until a time of `CLOCK_MONOTONIC`, ns; returns at once if it has passed.
 ///
 /// ```
 /// use stickslip::realtime::os::{now_ns, sleep_until_ns};
@@ -53,7 +53,7 @@ pub fn sleep_until_ns(until: u64) {
         tv_sec: (until / 1_000_000_000) as libc::time_t,
         tv_nsec: (until % 1_000_000_000) as libc::c_long,
     };
-    // SAFETY: `time` is valid, and no remainder is asked for.
+    // SAFETY: `time` is valid, and no remainder is requested.
     while unsafe { libc::clock_nanosleep(libc::CLOCK_MONOTONIC, libc::TIMER_ABSTIME, &time, std::ptr::null_mut()) }
         == libc::EINTR
     {}
@@ -63,10 +63,10 @@ fn done(result: libc::c_int) -> io::Result<()> {
     if result == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
 }
 
-/// Asks for `SCHED_FIFO` for the calling thread.
+/// Requests `SCHED_FIFO` for the calling thread.
 ///
 /// # Errors
-/// If it has no right to that.
+/// If the process has no right to real-time scheduling.
 ///
 /// ```
 /// use stickslip::realtime::os::{policy, request_fifo};
@@ -79,14 +79,14 @@ fn done(result: libc::c_int) -> io::Result<()> {
 /// ```
 pub fn request_fifo(priority: i32) -> io::Result<()> {
     let parameters = libc::sched_param { sched_priority: priority };
-    // SAFETY: 0 is the calling thread; the parameters are ours.
+    // SAFETY: 0 is the calling thread; the parameters are local.
     done(unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &parameters) })
 }
 
-/// The scheduling policy that the calling thread has, and its priority.
+/// Returns the scheduling policy of the calling thread, and its priority.
 pub fn policy() -> (&'static str, i32) {
     let mut parameters = libc::sched_param { sched_priority: 0 };
-    // SAFETY: 0 is the calling thread; the parameters are ours.
+    // SAFETY: 0 is the calling thread; the parameters are local.
     let policy = unsafe {
         libc::sched_getparam(0, &mut parameters);
         libc::sched_getscheduler(0)
@@ -102,10 +102,10 @@ pub fn policy() -> (&'static str, i32) {
     (name, parameters.sched_priority)
 }
 
-/// Keeps all memory of the process, now and later, where it is.
+/// Locks all present and future memory of the process.
 ///
 /// # Errors
-/// If it has no right to that.
+/// If the process has no right to lock its memory.
 ///
 /// ```
 /// use stickslip::realtime::os::{lock_memory, unlock_memory};
@@ -116,20 +116,20 @@ pub fn policy() -> (&'static str, i32) {
 /// }
 /// ```
 pub fn lock_memory() -> io::Result<()> {
-    // SAFETY: no pointers.
+    // SAFETY: no pointer is passed.
     done(unsafe { libc::mlockall(libc::MCL_CURRENT | libc::MCL_FUTURE) })
 }
 
-/// Lets memory go again.
+/// Unlocks the memory.
 pub fn unlock_memory() {
-    // SAFETY: no pointers.
+    // SAFETY: no pointer is passed.
     unsafe { libc::munlockall() };
 }
 
-/// The CPUs that the calling thread may run on, ascending.
+/// Returns the CPUs that the calling thread may run on, ascending.
 pub fn affinity() -> Vec<usize> {
     let mut set = MaybeUninit::<libc::cpu_set_t>::zeroed();
-    // SAFETY: the set is ours, of the size that is said; all zero is a valid set.
+    // SAFETY: the set is local and of the stated size; all zero is a valid set.
     let set = unsafe {
         libc::sched_getaffinity(0, size_of::<libc::cpu_set_t>(), set.as_mut_ptr());
         set.assume_init()
@@ -138,10 +138,10 @@ pub fn affinity() -> Vec<usize> {
     (0..libc::CPU_SETSIZE as usize).filter(|&cpu| unsafe { libc::CPU_ISSET(cpu, &set) }).collect()
 }
 
-/// Keeps the calling thread to these CPUs.
+/// Pins the calling thread to these CPUs.
 ///
 /// # Errors
-/// If none of them is there.
+/// If none of these CPUs exists.
 ///
 /// ```
 /// use stickslip::realtime::os::{affinity, pin};
@@ -154,7 +154,7 @@ pub fn affinity() -> Vec<usize> {
 /// ```
 pub fn pin(cpus: &[usize]) -> io::Result<()> {
     let mut set = MaybeUninit::<libc::cpu_set_t>::zeroed();
-    // SAFETY: all zero is a valid set; indices beyond it are left out; its size is as said.
+    // SAFETY: all zero is a valid set; indices beyond it are omitted; its size is as stated.
     unsafe {
         for &cpu in cpus.iter().filter(|&&cpu| cpu < libc::CPU_SETSIZE as usize) {
             libc::CPU_SET(cpu, &mut *set.as_mut_ptr());
@@ -163,30 +163,30 @@ pub fn pin(cpus: &[usize]) -> io::Result<()> {
     }
 }
 
-/// Counters of the calling thread since it began.
+/// Counters of the calling thread since its start.
 ///
 /// ```
 /// use stickslip::realtime::os::{Usage, now_ns, sleep_until_ns};
 ///
 /// let before = Usage::of_this_thread();
 /// sleep_until_ns(now_ns() + 1_000_000);
-/// assert!(Usage::of_this_thread().since(before).voluntary_switches >= 1); // it gave the CPU up to sleep
+/// assert!(Usage::of_this_thread().since(before).voluntary_switches >= 1); // it yielded the CPU to sleep
 /// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Usage {
-    /// Page faults that needed no reading, and that did.
+    /// Number of page faults, minor and major.
     pub page_faults: u64,
-    /// Times it gave the CPU up, as it does to sleep.
+    /// Number of times the thread yielded the CPU, as it does to sleep.
     pub voluntary_switches: u64,
-    /// Times it was taken off the CPU.
+    /// Number of times the thread was preempted.
     pub involuntary_switches: u64,
 }
 
 impl Usage {
-    /// Of the calling thread.
+    /// Reads the counters of the calling thread.
     pub fn of_this_thread() -> Self {
         let mut usage = MaybeUninit::<libc::rusage>::zeroed();
-        // SAFETY: the structure is ours, and all zero is a valid one.
+        // SAFETY: the structure is local, and all zero is a valid value.
         let usage = unsafe {
             libc::getrusage(libc::RUSAGE_THREAD, usage.as_mut_ptr());
             usage.assume_init()
@@ -198,7 +198,7 @@ impl Usage {
         }
     }
 
-    /// What came since an earlier reading.
+    /// Returns the difference from an earlier reading.
     pub fn since(self, before: Self) -> Self {
         Self {
             page_faults: self.page_faults - before.page_faults,

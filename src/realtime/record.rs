@@ -1,4 +1,4 @@
-//! `stickslip run` of a scene with `schedule = "threads"`: one pass, recorded.
+//! Recording of a real-time run: `stickslip run` of a scene with `schedule = "threads"`.
 
 use std::sync::atomic::AtomicBool;
 
@@ -27,52 +27,52 @@ use crate::session::{RecordedPass, Session};
 /// ```
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Quantiles {
-    /// Half of them are not longer.
+    /// 50 % quantile, ns.
     pub p50: u64,
-    /// Nine in ten.
+    /// 90 % quantile, ns.
     pub p90: u64,
-    /// 99 %.
+    /// 99 % quantile, ns.
     pub p99: u64,
-    /// 99.9 %.
+    /// 99.9 % quantile, ns.
     pub p999: u64,
-    /// 99.99 %.
+    /// 99.99 % quantile, ns.
     pub p9999: u64,
-    /// The longest, exactly; quantiles have three digits.
+    /// Exact maximum, ns; quantiles have three digits.
     pub max: u64,
 }
 
 impl Quantiles {
-    /// Of what was recorded.
+    /// Computes the quantiles of recorded times.
     pub fn of(times: &Times) -> Self {
         let at = |share| times.quantile_ns(share);
         Self { p50: at(0.5), p90: at(0.9), p99: at(0.99), p999: at(0.999), p9999: at(0.9999), max: times.max_ns() }
     }
 }
 
-/// How the loop kept time.
+/// Timing of a real-time run.
 #[derive(Debug, Clone, Serialize)]
 pub struct RealTimeSummary {
-    /// From a tick's release, µs.
+    /// Deadline after a tick's release, µs.
     pub deadline_us: f64,
-    /// What a missed one did.
+    /// Policy for a deadline miss.
     pub overrun: OverrunPolicy,
-    /// From a scheduled release to the tick's begin.
+    /// Time from a scheduled release to the tick's begin.
     pub release_ns: Quantiles,
-    /// From a scheduled release to the command.
+    /// Time from a scheduled release to the command.
     pub response_ns: Quantiles,
-    /// From begin to command.
+    /// Time from begin to command.
     pub compute_ns: Quantiles,
-    /// Ticks that missed their deadline.
+    /// Number of ticks that missed their deadline.
     pub misses: u64,
-    /// Ticks that were left out.
+    /// Number of ticks that were skipped.
     pub skipped: u64,
     /// The servo thread's own counters.
     pub window: Window,
-    /// What it had.
+    /// Scheduling settings actually granted.
     pub settings: Obtained,
-    /// Whether it was stopped before its end.
+    /// Whether the run was stopped before its end.
     pub stopped: bool,
-    /// Whether the same ticks, done again in virtual time, commanded the same forces to the bit.
+    /// Whether a replay in virtual time commanded the same forces to the bit.
     pub replayed: bool,
 }
 
@@ -94,27 +94,27 @@ impl RealTimeSummary {
     }
 }
 
-/// A recorded run.
+/// A recorded real-time run.
 #[derive(Debug)]
 pub struct Recorded {
-    /// How to do it again.
+    /// The session to replay.
     pub session: Session,
-    /// How it kept time.
+    /// Timing of the run.
     pub summary: RealTimeSummary,
 }
 
-/// How a scene's loop is to run, with or without the empty loop.
+/// Returns the loop settings of a scene, with or without the control loop.
 pub fn loop_settings(scene: &Scene, simulation: &Simulation, control: bool) -> LoopSettings {
     LoopSettings {
-        step: scene.tick_s(),
+        tick_s: scene.tick_s(),
         ticks_per_cycle: u64::from(scene.ticks_per_cycle()),
-        keep: simulation.keeps(),
+        recording: simulation.recording(),
         deadline: scene.deadline,
         control,
     }
 }
 
-/// What a pass left, to be run again.
+/// Converts a completed pass to its recording.
 pub fn recorded_pass(number: u32, pass: Pass) -> RecordedPass {
     RecordedPass {
         pass: number,
@@ -126,34 +126,34 @@ pub fn recorded_pass(number: u32, pass: Pass) -> RecordedPass {
     }
 }
 
-/// Why there is no recording.
+/// A reason why there is no recording.
 #[derive(Debug, Error, Diagnostic)]
 pub enum RecordError {
-    /// The scene.
+    /// The scene is not accepted.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Scene(#[from] SceneError),
-    /// The loop.
+    /// The loop could not be run.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Loop(#[from] NotServed),
 }
 
-/// Runs a scene in real time; `stop` ends it at the next tick.
+/// Runs a scene in real time and records it; `stop` ends it at the next tick.
 ///
 /// # Errors
-/// If the scene cannot start, or the loop left nothing.
+/// If the scene cannot be prepared, or the loop could not be run.
 ///
 /// ```
 /// use std::sync::atomic::AtomicBool;
-/// use stickslip::{realtime::record::record, scene::Scene, session::{Replayed, replay}};
+/// use stickslip::{realtime::record::record, scene::Scene, session::{ReplayOutcome, replay}};
 ///
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(40); // 40 ms
 /// let recorded = record(&scene, &AtomicBool::new(false))?;
 /// let (session, pass) = (&recorded.session, &recorded.session.passes[0]);
 /// assert_eq!((pass.ticks, recorded.summary.stopped), (40, false));
-/// // However it went on this machine, it went the same the second time.
-/// assert_eq!(replay(session.prepare(&scene, pass)?, pass, |_| ()), Replayed::Same { fault: None });
+/// // Whatever the timing on this machine, the replay gives the same forces.
+/// assert_eq!(replay(session.prepare(&scene, pass)?, pass, |_| ()), ReplayOutcome::Same { fault: None });
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn record(scene: &Scene, stop: &AtomicBool) -> Result<Recorded, RecordError> {

@@ -1,4 +1,4 @@
-//! `schedule = "threads"`: the loop that keeps to the clock, and the thread that builds its models.
+//! The servo thread, which keeps to the clock, and the global thread, which builds its models.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -11,44 +11,46 @@ use super::allocations;
 use super::channel::{GlobalEnd, ServoEnd, channel};
 use super::meter::{Meter, TickTimes};
 use super::os::{self, Usage};
+use crate::Vec3;
+use crate::contact::report::TickReport;
 use crate::multirate::failsafe::Fault;
 use crate::multirate::global::GlobalSide;
 use crate::multirate::servo::{Servo, ServoTick};
-use crate::multirate::timeline::{Arrival, Deadline, Fate, OverrunPolicy, RecordedTimes};
-use crate::multirate::trajectory::Keep;
+use crate::multirate::timeline::{Arrival, Deadline, DeadlineOutcome, OverrunPolicy, RecordedTimes};
+use crate::multirate::trajectory::PathRecording;
 use crate::pipeline::{Sides, Simulation};
-use crate::session::{Checksum, Taped};
+use crate::session::{Checksum, RecordedTick};
 
-/// Of the servo thread, among those of `SCHED_FIFO`: above ordinary interrupt threads, below the watchdogs.
+/// `SCHED_FIFO` priority of the servo thread: above ordinary interrupt threads, below the watchdogs.
 const PRIORITY: i32 = 80;
-/// From the start of the servo thread to its first release, s.
+/// Time from the start of the servo thread to its first release, s.
 const LEAD_S: f64 = 0.02;
-/// Stack that is touched before the window, bytes.
+/// Size of the stack that is touched before the window, bytes.
 const STACK: usize = 256 << 10;
-/// Ticks of a throw-away copy that bring code and branch predictors in before the window.
+/// Number of ticks of a discarded copy that load code and branch predictors before the window.
 const WARM_UP_TICKS: u64 = 200;
 
-/// One run of a scene's path, from a state that is prepared before the loop begins.
+/// A run along a scene's path, from a state that is prepared before the loop begins.
 #[derive(Debug)]
 pub struct Pass {
     servo: Servo,
     global: Option<GlobalSide>,
     ticks: u64,
-    /// What happened to it.
+    /// Arrival times of models, and late and skipped ticks.
     pub times: RecordedTimes,
-    /// Tick by tick.
-    pub tape: Vec<Taped>,
+    /// Tip and force of every tick, if they are recorded.
+    pub tape: Vec<RecordedTick>,
     tapes: bool,
-    /// Of every commanded force, in order.
+    /// Checksum of all commanded forces, in order.
     pub checksum: Checksum,
-    /// What ended it, if something did.
+    /// The fault that ended the pass, if one did.
     pub fault: Option<Fault>,
 }
 
 impl Pass {
-    /// A pass of `ticks` ticks; with `tapes`, tip and force of every tick are kept.
+    /// Prepares a pass of `ticks` ticks; with `tapes`, tip and force of every tick are recorded.
     pub fn new(simulation: Simulation, ticks: u64, tapes: bool) -> Self {
-        let has_global = simulation.keeps().is_some();
+        let has_global = simulation.recording().is_some();
         let Sides { servo, global } = simulation.into_sides();
         let reserve = || Vec::with_capacity(ticks as usize);
         Self {
@@ -63,40 +65,40 @@ impl Pass {
         }
     }
 
-    /// Ticks that were done, and left out.
+    /// Returns the number of ticks completed, skipped ones included.
     pub fn ticks_done(&self) -> u64 {
         self.servo.next_tick()
     }
 
     fn end_tick(&mut self, done: &ServoTick) {
-        match done.fate {
-            Fate::OnTime => {}
-            Fate::Late(_) => self.times.late.push(done.tick),
-            Fate::Skipped => self.times.skipped.push(done.tick),
+        match done.deadline_outcome {
+            DeadlineOutcome::OnTime => {}
+            DeadlineOutcome::Late(_) => self.times.late.push(done.tick),
+            DeadlineOutcome::Skipped => self.times.skipped.push(done.tick),
         }
         self.checksum.add(done.force);
         if self.tapes {
-            self.tape.push(Taped::new(done.tip, done.force));
+            self.tape.push(RecordedTick::new(done.tip, done.force));
         }
     }
 }
 
-/// How a loop is to run.
+/// Settings of a real-time loop.
 #[derive(Debug, Clone, Copy)]
 pub struct LoopSettings {
-    /// h, s.
-    pub step: f64,
-    /// Ticks of a global cycle.
+    /// Local tick h, s.
+    pub tick_s: f64,
+    /// Number of ticks in a global cycle.
     pub ticks_per_cycle: u64,
-    /// How much of the patch's path goes up; `None` if there are no cycles.
-    pub keep: Option<Keep>,
-    /// Of every tick.
+    /// The part of the patch's path that is sent to the global side; `None` if there are no cycles.
+    pub recording: Option<PathRecording>,
+    /// Deadline of every tick.
     pub deadline: Deadline,
-    /// Whether a loop that does nothing is released half a tick after each tick.
+    /// Whether a control loop without a payload is released half a tick after each tick.
     pub control: bool,
 }
 
-/// What the servo thread had, as far as it was obtained.
+/// Scheduling settings actually granted to the servo thread.
 ///
 /// ```
 /// use stickslip::realtime::threads::Obtained;
@@ -109,20 +111,20 @@ pub struct LoopSettings {
 /// ```
 #[derive(Debug, Clone, Serialize)]
 pub struct Obtained {
-    /// Its scheduling policy.
+    /// Scheduling policy.
     pub policy: &'static str,
-    /// And priority.
+    /// Scheduling priority.
     pub priority: i32,
-    /// The CPUs it could run on.
+    /// CPUs that the thread may run on.
     pub cpus: Vec<usize>,
-    /// Whether all memory stayed in place.
+    /// Whether all memory was locked.
     pub memory_locked: bool,
-    /// What was refused, and why.
+    /// Requests that were refused, with the reasons.
     pub refused: Vec<String>,
 }
 
 impl Obtained {
-    /// Whether nothing of ordinary priority could take the CPU away.
+    /// Returns whether threads of ordinary priority cannot preempt the servo thread.
     pub fn is_realtime(&self) -> bool {
         self.policy == "SCHED_FIFO"
     }
@@ -131,59 +133,59 @@ impl Obtained {
 /// The servo thread's own counters over the window.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
 pub struct Window {
-    /// Calls of the allocator, freeing included; absent if nobody counts.
+    /// Number of allocator calls, freeing included; `None` without a counting allocator.
     pub allocations: Option<u64>,
-    /// With and without reading.
+    /// Number of page faults, minor and major.
     pub page_faults: u64,
-    /// One for every sleep.
+    /// Number of voluntary context switches: one for every sleep.
     pub voluntary_switches: u64,
-    /// Times it was taken off the CPU.
+    /// Number of involuntary context switches.
     pub involuntary_switches: u64,
-    /// Notes that did not fit into the ring.
+    /// Number of notes that did not fit into the ring.
     pub lost_notes: u64,
-    /// When it began, on `CLOCK_MONOTONIC`, ns.
+    /// Time at which the window began, on `CLOCK_MONOTONIC`, ns.
     pub begin_ns: u64,
-    /// When it ended.
+    /// Time at which the window ended, on `CLOCK_MONOTONIC`, ns.
     pub end_ns: u64,
 }
 
-/// A loop that has been run.
+/// The result of a real-time loop.
 #[derive(Debug)]
 pub struct Served {
-    /// As they went; those that were not reached have no ticks.
+    /// All passes; those that were not reached have no ticks.
     pub passes: Vec<Pass>,
-    /// What was measured.
+    /// Time measurements.
     pub meter: Meter,
-    /// What the thread counted.
+    /// Counters of the servo thread.
     pub window: Window,
-    /// What it had.
+    /// Scheduling settings actually granted.
     pub obtained: Obtained,
-    /// Whether it was stopped before its end.
+    /// Whether the loop was stopped before its end.
     pub stopped: bool,
-    /// What ended it, if something did.
+    /// The fault that ended the loop, if one did.
     pub fault: Option<Fault>,
 }
 
-/// Why a loop left nothing.
+/// A reason why a loop has no result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error, Diagnostic)]
 pub enum NotServed {
-    /// There was nothing to run.
+    /// No pass was given.
     #[error("there is no pass to run in real time")]
     NoPass,
-    /// A renderer of one's own runs in lockstep only.
-    #[error("a renderer of one's own runs in lockstep, not in real time")]
+    /// A custom renderer runs in lockstep only.
+    #[error("a custom renderer runs in lockstep, not in real time")]
     OwnRenderer,
-    /// One of its threads did not come back.
-    #[error("a thread of the loop ended in a panic")]
+    /// A thread of the loop panicked.
+    #[error("a thread of the loop panicked")]
     #[diagnostic(help("this is a defect of the program: please report it, with the scene"))]
     Panicked,
 }
 
-/// Runs passes one after the other against the clock. The last of the CPUs that this thread may use is the servo
-/// thread's; `stop` ends the loop at the next tick.
+/// Runs passes one after the other in real time. The servo thread is pinned to the last of the CPUs that this thread
+/// may use; `stop` ends the loop at the next tick.
 ///
 /// # Errors
-/// If there is no pass, or a thread panicked.
+/// If there is no pass, a renderer is custom, or a thread panicked.
 ///
 /// ```
 /// use std::sync::atomic::AtomicBool;
@@ -195,7 +197,7 @@ pub enum NotServed {
 /// let simulation = Simulation::prepare(&scene)?;
 /// let settings = loop_settings(&scene, &simulation, false);
 /// let warm_up = simulation.clone().into_sides().servo;
-/// // Twice the first 20 ticks, one after the other in the same beat.
+/// // Two passes of 20 ticks each, one after the other at the same period.
 /// let passes = vec![Pass::new(simulation.clone(), 20, false), Pass::new(simulation, 20, false)];
 /// let served = serve(passes, warm_up, settings, &AtomicBool::new(false)).expect("there are passes");
 /// assert!(served.passes.iter().all(|pass| pass.ticks_done() == 20));
@@ -220,7 +222,7 @@ pub fn serve(
     let deadline_ns = nanoseconds(settings.deadline.after);
     let mut meter = Meter::new(ticks, deadline_ns);
     let first_nodes = passes.first().ok_or(NotServed::NoPass)?.servo.local().model().patch.nodes.clone();
-    let (servo_end, global_end) = channel(settings.ticks_per_cycle, settings.keep, &first_nodes);
+    let (servo_end, global_end) = channel(settings.ticks_per_cycle, settings.recording, &first_nodes);
     let mut passes = passes;
     let sides: Vec<_> = passes.iter_mut().map(|pass| (pass.global.take(), pass.ticks)).collect();
     let first_patches: Vec<Vec<u32>> =
@@ -235,7 +237,7 @@ pub fn serve(
     };
     let cpus = os::affinity();
     let done = AtomicBool::new(false);
-    let idle = Duration::from_secs_f64((settings.step / 4.0).clamp(2e-5, 1e-3));
+    let idle = Duration::from_secs_f64((settings.tick_s / 4.0).clamp(2e-5, 1e-3));
     let served = std::thread::scope(|scope| {
         let builder = scope.spawn(|| build_models(global_end, sides, &first_patches, idle, &done));
         let servo = scope.spawn(|| {
@@ -269,22 +271,22 @@ fn nanoseconds(seconds: f64) -> u64 {
     (seconds * 1e9).round() as u64
 }
 
-/// The pages of the stack that the loop may come to use.
+/// Touches the pages of the stack that the loop may use.
 fn touch_stack() {
     let mut stack = [0_u8; STACK];
     std::hint::black_box(&mut stack);
 }
 
-/// Code, caches and branch predictors: ticks whose results nobody sees.
+/// Warms up code, caches and branch predictors by ticks whose results are discarded.
 fn warm(mut servo: Servo) {
     for _ in 0..WARM_UP_TICKS {
-        if servo.tick(Fate::OnTime).is_err() {
+        if servo.tick(DeadlineOutcome::OnTime).is_err() {
             break;
         }
     }
 }
 
-/// The global thread: takes in what comes up, sends models down.
+/// Runs the global thread: receives cycles, sends models.
 fn build_models(
     mut end: GlobalEnd,
     mut sides: Vec<(Option<GlobalSide>, u64)>,
@@ -318,7 +320,7 @@ fn build_models(
     }
 }
 
-/// The servo thread within its window.
+/// Runs the servo thread within its window.
 fn run_loop(
     passes: &mut [Pass],
     mut end: ServoEnd,
@@ -326,12 +328,11 @@ fn run_loop(
     settings: LoopSettings,
     stop: &AtomicBool,
 ) -> (Window, bool) {
-    let LoopSettings { step, ticks_per_cycle, deadline, control, .. } = settings;
+    let LoopSettings { tick_s, ticks_per_cycle, deadline, control, .. } = settings;
     let start = os::now_ns() + nanoseconds(LEAD_S);
-    let half = nanoseconds(step / 2.0);
-    // Releases are counted over all passes: a new pass keeps to the beat.
+    // Releases are counted over all passes: a new pass keeps the period.
     let mut released = 0_u64;
-    let release_of = |released: u64| start + nanoseconds(released as f64 * step);
+    let release_of = |released: u64| start + nanoseconds(released as f64 * tick_s);
 
     let usage = Usage::of_this_thread();
     let allocated = allocations::on_this_thread();
@@ -344,38 +345,19 @@ fn run_loop(
                 stopped = true;
                 break 'passes;
             }
-            let tick = pass.servo.next_tick();
-            // The instrument moves on while the loop waits: in reality nobody computes that.
-            let tip = match pass.servo.sense() {
-                Ok(tip) => tip,
-                Err(fault) => {
-                    pass.fault = Some(fault);
-                    break 'passes;
-                }
-            };
             let release = release_of(released);
-            os::sleep_until_ns(release);
-            let cpu = os::thread_cpu_ns();
-            let begin = os::now_ns();
-            let report = match arrive(pass, &mut end, tick, ticks_per_cycle).and_then(|()| pass.servo.compute(tip)) {
-                Ok(report) => report,
+            let timed = timed_tick(pass, &mut end, number, release, ticks_per_cycle);
+            let TimedTick { tip, report, times, command } = match timed {
+                Ok(timed) => timed,
                 Err(fault) => {
                     pass.fault = Some(fault);
                     break 'passes;
                 }
-            };
-            let command = os::now_ns();
-            let times = TickTimes {
-                pass: number,
-                tick,
-                release_ns: begin.saturating_sub(release),
-                response_ns: command.saturating_sub(release),
-                compute_ns: command - begin,
-                cpu_ns: os::thread_cpu_ns() - cpu,
             };
             let on_time = meter.tick(times, release - start);
-            let fate = if on_time { Fate::OnTime } else { Fate::Late(deadline.overrun) };
-            let done = pass.servo.conclude(tip, report, fate);
+            let deadline_outcome =
+                if on_time { DeadlineOutcome::OnTime } else { DeadlineOutcome::Late(deadline.overrun) };
+            let done = pass.servo.conclude(tip, report, deadline_outcome);
             end.end_tick(&pass.servo);
             pass.end_tick(&done);
             released += 1;
@@ -391,13 +373,7 @@ fn run_loop(
                 }
             }
             if control {
-                let release = release_of(released - 1) + half;
-                let is_ahead = os::now_ns() < release;
-                meter.control(is_ahead.then(|| {
-                    os::sleep_until_ns(release);
-                    let begin = os::now_ns();
-                    (begin.saturating_sub(release), os::now_ns() - release)
-                }));
+                control_tick(meter, release_of(released - 1) + nanoseconds(tick_s / 2.0));
             }
         }
     }
@@ -414,7 +390,55 @@ fn run_loop(
     (window, stopped)
 }
 
-/// A model that has arrived comes into use, and a segment of the path begins with it or with a cycle.
+/// A tick that has been computed and timed, before its command.
+struct TimedTick {
+    /// m.
+    tip: Vec3,
+    report: TickReport,
+    times: TickTimes,
+    /// Time at which the force was ready, ns.
+    command: u64,
+}
+
+/// Computes the next tick of a pass at its scheduled release, ns, and times it.
+fn timed_tick(
+    pass: &mut Pass,
+    end: &mut ServoEnd,
+    number: u32,
+    release: u64,
+    ticks_per_cycle: u64,
+) -> Result<TimedTick, Fault> {
+    let tick = pass.servo.next_tick();
+    // The modelled instrument is advanced while the loop waits: a real one needs no computation.
+    let tip = pass.servo.sense()?;
+    os::sleep_until_ns(release);
+    let cpu = os::thread_cpu_ns();
+    let begin = os::now_ns();
+    arrive(pass, end, tick, ticks_per_cycle)?;
+    let report = pass.servo.compute(tip)?;
+    let command = os::now_ns();
+    let times = TickTimes {
+        pass: number,
+        tick,
+        release_ns: begin.saturating_sub(release),
+        response_ns: command.saturating_sub(release),
+        compute_ns: command - begin,
+        cpu_ns: os::thread_cpu_ns() - cpu,
+    };
+    Ok(TimedTick { tip, report, times, command })
+}
+
+/// Runs the control loop without a payload, half a tick after the payload's release: what it misses, the machine misses.
+fn control_tick(meter: &mut Meter, release: u64) {
+    let is_ahead = os::now_ns() < release;
+    meter.control(is_ahead.then(|| {
+        os::sleep_until_ns(release);
+        let begin = os::now_ns();
+        (begin.saturating_sub(release), os::now_ns() - release)
+    }));
+}
+
+/// Puts a model that has arrived to use, and begins a segment of the path with it or with a cycle.
 fn arrive(pass: &mut Pass, end: &mut ServoEnd, tick: u64, ticks_per_cycle: u64) -> Result<(), Fault> {
     match end.take_model(&mut pass.servo) {
         Err((from, cause)) => {
@@ -431,7 +455,7 @@ fn arrive(pass: &mut Pass, end: &mut ServoEnd, tick: u64, ticks_per_cycle: u64) 
     Ok(())
 }
 
-/// A release that passed while a tick was being computed.
+/// Skips a tick whose release passed while another was being computed.
 fn skip(pass: &mut Pass, end: &mut ServoEnd, ticks_per_cycle: u64) -> Result<(), Fault> {
     if pass.servo.next_tick().is_multiple_of(ticks_per_cycle) {
         end.begin_segment(&pass.servo);

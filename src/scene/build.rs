@@ -1,4 +1,4 @@
-//! Scenes built in Rust.
+//! Construction of scenes in Rust.
 
 use super::check::{covering_ticks, positive, ticks_per_cycle, whole_ticks};
 use super::{
@@ -21,9 +21,10 @@ fn refused(problem: Problem) -> SceneError {
 }
 
 impl Scene {
-    /// A scene with the defaults of scene files: 1 kHz beside 10 Hz, the paper's local model, scheme and surface, the
-    /// bottom of the mesh fixed, and as many ticks as the path takes. What `with_…` and the public fields set after that
-    /// is checked when the scene is [put together](crate::pipeline::Simulation::prepare), or by [`check`](Self::check).
+    /// Builds a scene with the defaults of scene files: 1 kHz beside 10 Hz, the paper's local model, scheme and
+    /// surface, the bottom of the mesh fixed, and as many ticks as the path takes. Settings changed later, by `with_…`
+    /// or in public fields, are checked by [`prepare`](crate::pipeline::Simulation::prepare) or
+    /// [`check`](Self::check).
     ///
     /// ```
     /// use stickslip::contact::{law::Law, rules::Scheme};
@@ -50,8 +51,7 @@ impl Scene {
     /// ```
     ///
     /// # Errors
-    /// If a value is out of range, the lists of the material are not as long as the mesh takes, or the run would not fit
-    /// into memory.
+    /// If a value is out of range, a list of the material does not fit the mesh, or the run would not fit into memory.
     pub fn new(
         name: impl Into<String>,
         mesh: impl Into<MeshSource>,
@@ -90,25 +90,25 @@ impl Scene {
         Ok(scene)
     }
 
-    /// The same with a number of ticks.
+    /// Sets the number of ticks.
     pub fn with_ticks(self, tick_count: u64) -> Self {
         Self { tick_count, ..self }
     }
 
-    /// The same with a duration, s.
+    /// Sets the duration, s.
     ///
     /// # Errors
-    /// If it is no whole number of ticks.
+    /// If the duration is not a whole number of ticks.
     pub fn with_duration_s(self, duration_s: f64) -> Result<Self, SceneError> {
         let key = "duration";
         let tick_count = positive(key, duration_s).and_then(|duration| whole_ticks(key, duration, self.local_rate_hz));
         Ok(self.with_ticks(tick_count.map_err(refused)?))
     }
 
-    /// The same with another rate of the local loop, Hz, over the same time. A deadline of a whole tick stays one.
+    /// Sets the rate of the local loop, Hz, and keeps the duration. A deadline of one tick stays one tick.
     ///
     /// # Errors
-    /// If the duration or a global cycle is no whole number of its ticks, or the scene's deadline is longer than one.
+    /// If the duration or a global cycle is not a whole number of ticks, or the deadline is longer than a tick.
     pub fn with_local_rate_hz(self, rate_hz: f64) -> Result<Self, SceneError> {
         let key = "local.rate";
         let at_rate = |scene: &Self| {
@@ -122,76 +122,76 @@ impl Scene {
             deadline.after = 1.0 / rate_hz;
         } else if !(deadline.after <= 1.0 / rate_hz) {
             let (after, tick_s) = (deadline.after, 1.0 / rate_hz);
-            let value = format!("{rate_hz} Hz with a deadline of {after} s: a tick is over after {tick_s} s");
+            let value = format!("{rate_hz} Hz with a deadline of {after} s: a tick lasts {tick_s} s");
             return Err(refused(Problem::NotAccepted { key, value }));
         }
         Ok(Self { local_rate_hz: rate_hz, ticks_per_cycle, tick_count, deadline, ..self })
     }
 
-    /// The same with another rate of global cycles, Hz. The number of steps in a cycle stays.
+    /// Sets the rate of global cycles, Hz. The number of steps in a cycle stays.
     ///
     /// # Errors
-    /// If a cycle is no whole number of ticks.
+    /// If a cycle is not a whole number of ticks.
     pub fn with_global_rate_hz(self, rate_hz: f64) -> Result<Self, SceneError> {
         let key = "global.rate";
         let ticks = positive(key, rate_hz).and_then(|rate| ticks_per_cycle(key, self.local_rate_hz, rate));
         Ok(Self { ticks_per_cycle: ticks.map_err(refused)?, ..self })
     }
 
-    /// The same with another length of global cycles, in ticks of the local loop. The number of steps in a cycle stays.
+    /// Sets the length of a global cycle, in ticks of the local loop. The number of steps in a cycle stays.
     pub fn with_ticks_per_cycle(self, ticks_per_cycle: u32) -> Self {
         Self { ticks_per_cycle, ..self }
     }
 
-    /// The same in slower time: its ticks, deadline and path take `factor` times as long. Numbers of ticks stay.
+    /// Slows time down: ticks, deadline and path take `factor` times as long. The numbers of ticks stay.
     pub fn with_slower_time(self, factor: f64) -> Self {
         let deadline = Deadline { after: self.deadline.after * factor, ..self.deadline };
         let path = self.path.transformed(factor, |position| position);
         Self { local_rate_hz: self.local_rate_hz / factor, deadline, path, ..self }
     }
 
-    /// The same with another local model beside the network.
+    /// Sets the local model beside the network.
     pub fn with_local_model(self, local: LocalSettings) -> Self {
         Self { local, is_full: false, ..self }
     }
 
-    /// The same with the whole network at the local rate, the reference, and without what that has no use for: a solver
-    /// of the linear model, smoothing at hand-overs, a second thread.
+    /// Sets the reference: the whole network at the local rate. This disables what it has no use for: a solver of the
+    /// linear model, smoothing at hand-overs, a second thread.
     pub fn with_full_model(mut self) -> Self {
         self.global.threads = Threads::One;
         let integrator = LocalIntegrator::SemiImplicitEuler;
         Self { local: LocalSettings::FULL, is_full: true, integrator, smoothing_ticks: 0, ..self }
     }
 
-    /// The same with another integrator of the local model. All but semi-implicit Euler need a tangent, and contact by
+    /// Sets the integrator of the local model. All but semi-implicit Euler need a tangent, and contact by
     /// [`Scheme::Velocity`].
     pub fn with_local_integrator(self, integrator: LocalIntegrator) -> Self {
         Self { integrator, ..self }
     }
 
-    /// The same with another law of contact.
+    /// Sets the contact law.
     pub fn with_law(mut self, law: Law) -> Self {
         self.contact.law = law;
         self
     }
 
-    /// The same with another way to constrain the mesh at the contact.
+    /// Sets the scheme that constrains the mesh at the contact.
     pub fn with_scheme(mut self, scheme: Scheme) -> Self {
         self.contact.scheme = scheme;
         self
     }
 
-    /// The same over another surface of its mesh.
+    /// Sets the contact surface of the mesh.
     pub fn with_surface(self, surface: ContactSurface) -> Self {
         Self { surface, ..self }
     }
 
-    /// The same with another instrument on a path. The number of ticks stays.
+    /// Sets the instrument and its path. The number of ticks stays.
     pub fn with_instrument(self, instrument: InstrumentKind, path: TipPath) -> Self {
         Self { instrument, path, ..self }
     }
 
-    /// The same with other nodes fixed.
+    /// Sets which nodes are fixed.
     pub fn with_fixed(self, fixed: Vec<bool>) -> Self {
         Self { fixed, ..self }
     }

@@ -1,4 +1,4 @@
-//! What has to hold of a scene, whether it was read or built: ranges, and which settings go together.
+//! Checks of a scene, whether read or built: ranges, and which settings go together.
 
 use super::error::Problem;
 use super::memory::mesh_fits;
@@ -24,21 +24,21 @@ use crate::multirate::timeline::Cost;
 
 pub(super) use super::memory::Run;
 
-/// How far from a whole number a ratio of two decimal inputs may be and still mean one: a few
-/// roundings of numbers up to 1e9 ticks.
+/// Tolerance within which a ratio of two decimal inputs counts as a whole number: a few roundings of numbers up to 1e9
+/// ticks.
 const WHOLE_NUMBER_TOLERANCE: f64 = 1e-9;
 
-/// Micrometres: far below any tissue, and far above where the areas of triangles underflow.
+/// Least spacing, m: far below any tissue, and far above where the areas of triangles underflow.
 const LEAST_SPACING: f64 = 1e-6;
 
-/// Why what is declared for virtual time has no effect.
-pub(super) const IN_REAL_TIME: &str = "`run.schedule = \"threads\"`, where computing takes the time it takes";
-/// Why nothing that happens at a hand-over has an effect.
+/// Reason why settings of virtual time have no effect.
+pub(super) const IN_REAL_TIME: &str = "`run.schedule = \"threads\"`, where computing takes real time";
+/// Reason why settings of hand-overs have no effect.
 pub(super) const NO_HAND_OVERS: &str = "`local.model = \"full\"`, which has no hand-overs";
 
 type Checked<T = ()> = Result<T, Problem>;
 
-/// The first problem of a scene, if it has one.
+/// Finds the first problem of a scene, if it has one.
 pub(super) fn check(scene: &Scene) -> Checked {
     name(&scene.name)?;
     positive("duration", scene.duration_s())?;
@@ -59,7 +59,7 @@ fn name(name: &str) -> Checked {
     Err(Problem::NotAccepted { key: "name", value: format!("{name:?}") })
 }
 
-/// What has to hold before anything as large as the mesh is made.
+/// Checks the mesh before anything of its size is allocated.
 pub(super) fn mesh(scene: &Scene) -> Checked {
     if let MeshSource::Block(given) = &scene.mesh {
         block(given)?;
@@ -118,7 +118,7 @@ fn local_model(scene: &Scene) -> Checked {
         && let Reach::Rings { rings, .. } = condensation.reach
         && rings <= patch
     {
-        let value = format!("{rings}: the patch has {patch} rings, so nothing near it would follow");
+        let value = format!("{rings}: the patch has {patch} rings, so nothing beyond it would be condensed");
         return Err(Problem::NotAccepted { key: "local.condense_rings", value });
     }
     if scene.is_full && scene.smoothing_ticks > 0 {
@@ -174,7 +174,7 @@ fn timing(scene: &Scene) -> Checked {
     let (tick_s, after) = (scene.tick_s(), scene.deadline.after);
     positive("timing.deadline", after)?;
     if !(after <= tick_s) {
-        let value = format!("{after} s: a tick is over after {tick_s} s");
+        let value = format!("{after} s: a tick lasts {tick_s} s");
         return Err(Problem::NotAccepted { key: "timing.deadline", value });
     }
     if let Some(costs) = &scene.costs {
@@ -215,7 +215,7 @@ fn cost(key: &'static str, cost: &Cost) -> Checked {
 fn instrument(scene: &Scene) -> Checked {
     let InstrumentKind::Phantom(settings) = &scene.instrument else { return Ok(()) };
     device(settings)?;
-    // What depends on more than one setting.
+    // Checks that depend on more than one setting.
     let Err(error) = CoupledPhantom::new(settings, &scene.path, scene.tick_s()) else { return Ok(()) };
     let key = match error {
         InstrumentError::Device(DeviceError::Rotation { .. }) => "instrument.device.rotation",
@@ -269,7 +269,7 @@ fn device(settings: &CoupledSettings) -> Checked {
     Ok(())
 }
 
-/// Ticks in a duration, s, if they are a whole number. `key` is what asked for it.
+/// Returns the number of ticks in a duration, s, if it is whole. `key` is named in the error.
 pub(super) fn whole_ticks(key: &'static str, duration_s: f64, local_rate_hz: f64) -> Checked<u64> {
     let ticks = duration_s * local_rate_hz;
     let refuse = || {
@@ -279,23 +279,23 @@ pub(super) fn whole_ticks(key: &'static str, duration_s: f64, local_rate_hz: f64
     whole(ticks).map(|ticks| ticks as u64).ok_or_else(refuse)
 }
 
-/// Ticks that cover a time, s: at least one.
+/// Returns the number of ticks that cover a time, s: at least one.
 pub(super) fn covering_ticks(time_s: f64, local_rate_hz: f64) -> u64 {
     let ticks = time_s * local_rate_hz;
     whole(ticks).unwrap_or(ticks.ceil()).max(1.0) as u64
 }
 
-/// Ticks in a global cycle, if they are a whole number. `key` is what asked for it.
+/// Returns the number of ticks in a global cycle, if it is whole. `key` is named in the error.
 pub(super) fn ticks_per_cycle(key: &'static str, local_rate_hz: f64, global_rate_hz: f64) -> Checked<u32> {
     let ratio = whole(local_rate_hz / global_rate_hz).filter(|&ratio| ratio <= f64::from(u32::MAX));
     let refuse = || {
-        let value = format!("so: {local_rate_hz} Hz is not a whole multiple of the global {global_rate_hz} Hz");
+        let value = format!("as given: {local_rate_hz} Hz is not a whole multiple of the global {global_rate_hz} Hz");
         Problem::NotAccepted { key, value }
     };
     ratio.map(|ratio| ratio as u32).ok_or_else(refuse)
 }
 
-/// A ratio of two decimal inputs, if it is a whole number of at least 1.
+/// Rounds a ratio of two decimal inputs, if it is a whole number of at least 1.
 fn whole(ratio: f64) -> Option<f64> {
     ((ratio - ratio.round()).abs() <= WHOLE_NUMBER_TOLERANCE * ratio && ratio >= 0.5).then_some(ratio.round())
 }

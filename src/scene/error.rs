@@ -1,4 +1,4 @@
-//! What can be wrong with a scene, and where.
+//! Errors of scenes, with their place in the text.
 
 use std::fmt;
 use std::ops::Range;
@@ -18,133 +18,133 @@ use crate::model::material::MaterialError;
 use crate::model::network::NetworkError;
 use crate::model::topology::SurfaceError;
 
-/// What is wrong with a scene. Keys are those of scene files, also where a scene was built in Rust.
+/// What is wrong with a scene. Keys are those of scene files, even if the scene was built in Rust.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Problem {
-    /// A part of one's own does not fit the scene.
+    /// A custom part does not fit the scene.
     #[error("{0}")]
     OwnPart(String),
     /// The file cannot be read.
     #[error("cannot read {path}: {error}")]
     Unreadable {
-        /// The scene.
+        /// Path of the scene.
         path: PathBuf,
-        /// Why.
+        /// Error of the operating system.
         #[source]
         error: std::io::Error,
     },
-    /// Not TOML, an unknown or missing key, or a value of the wrong type: the parser's words.
+    /// The text is not TOML, a key is unknown or missing, or a value has the wrong type; the parser's message.
     #[error("{0}")]
     Syntax(String),
-    /// A value that is not accepted.
+    /// A value is not accepted.
     #[error("`{key}` cannot be {value}")]
     NotAccepted {
-        /// The key.
+        /// Key of the value.
         key: &'static str,
-        /// The value.
+        /// The value given.
         value: String,
     },
-    /// A key is missing that the scene needs.
+    /// A required key is missing.
     #[error("`{0}` is missing")]
     Missing(&'static str),
-    /// A key is there that can have no effect.
+    /// A key is given that has no effect.
     #[error("`{key}` has no effect with {because}")]
     NoEffect {
-        /// The key.
+        /// Key without effect.
         key: &'static str,
-        /// What makes it so.
+        /// Reason why the key has no effect.
         because: &'static str,
     },
-    /// A value that another key does not allow.
+    /// A value needs another setting.
     #[error("`{key} = {value:?}` needs {needs}")]
     Needs {
-        /// The key.
+        /// Key of the value.
         key: &'static str,
-        /// Its value.
+        /// The value given.
         value: &'static str,
-        /// What is missing.
+        /// The setting that it needs.
         needs: &'static str,
     },
-    /// Two keys say the same thing.
+    /// Two keys are given that determine the same quantity.
     #[error("`{0}` and `{1}` cannot both be given")]
     Both(&'static str, &'static str),
-    /// One value per node is needed.
+    /// A list has another length than the number of nodes.
     #[error("`{key}` has {found} values for {nodes} nodes")]
     WrongLength {
-        /// The key.
+        /// Key of the list.
         key: &'static str,
-        /// Its length.
+        /// Length of the list.
         found: usize,
-        /// The number of nodes.
+        /// Number of nodes.
         nodes: usize,
     },
-    /// A waypoint is not four numbers.
+    /// A waypoint does not have four numbers.
     #[error("`instrument.waypoints` cannot have {given:?}: four numbers are needed")]
     Waypoint {
-        /// Counted from 0.
+        /// Index of the waypoint, from 0.
         index: usize,
-        /// The numbers that it is.
+        /// The numbers given.
         given: Vec<f64>,
     },
-    /// The mesh's file.
+    /// The mesh file is not accepted.
     #[error("`mesh.path`: {0}")]
     MeshFile(#[source] MeshFileError),
-    /// The mesh would not fit.
+    /// The run would not fit into memory.
     #[error(
         "{ticks} ticks over a mesh of {nodes} nodes and {springs} springs need about {needed_mib} MiB; {available_mib} MiB are free"
     )]
     TooLarge {
-        /// The key that decides.
+        /// Key that determines the size.
         key: &'static str,
-        /// Nodes.
+        /// Number of nodes.
         nodes: u128,
-        /// Springs.
+        /// Number of springs.
         springs: u128,
-        /// Ticks.
+        /// Number of ticks.
         ticks: u64,
-        /// What a run of it would take.
+        /// Estimated memory of the run, MiB.
         needed_mib: u128,
-        /// What there is.
+        /// Available memory, MiB.
         available_mib: u128,
     },
-    /// The tip starts inside.
+    /// The tip starts inside the body.
     #[error("at t = 0 the tip is {depth_m:.6} m inside the surface")]
     TipInside {
-        /// Distance from the surface, m.
+        /// Distance of the tip from the surface, m.
         depth_m: f64,
     },
-    /// The waypoints or the recording.
+    /// The waypoints or the recording are not accepted.
     #[error("`{key}`: {error}")]
     Path {
-        /// The key.
+        /// Key of the path.
         key: &'static str,
-        /// What is wrong.
+        /// The path's error.
         #[source]
         error: PathError,
     },
-    /// The device, its hand or its coupling.
+    /// The device, its hand or its coupling is not accepted.
     #[error("`{key}`: {error}")]
     Instrument {
-        /// The key.
+        /// Key of the setting.
         key: &'static str,
-        /// What is wrong.
+        /// The instrument's error.
         #[source]
         error: InstrumentError,
     },
-    /// Springs or masses from the constants of a material.
+    /// Springs or masses cannot be derived from the material's constants.
     #[error("`{key}`: {error}")]
     Material {
-        /// The key.
+        /// Key of the constant.
         key: &'static str,
-        /// What is wrong.
+        /// The material's error.
         #[source]
         error: MaterialError,
     },
-    /// There is no equilibrium to start from.
+    /// There is no equilibrium under gravity to start from.
     #[error("`settle`: {0}")]
     Settle(#[source] SettleError),
-    /// Mesh and material do not go together.
+    /// Mesh and material do not fit each other.
     #[error(transparent)]
     Network(#[from] NetworkError),
     /// The mesh has no proper surface.
@@ -156,7 +156,7 @@ pub enum Problem {
 }
 
 impl Problem {
-    /// The key that it is about; none if that is all of the scene.
+    /// Returns the key that the problem concerns; `None` if it concerns the whole scene.
     pub fn key(&self) -> Option<&'static str> {
         match self {
             Problem::NotAccepted { key, .. }
@@ -181,7 +181,7 @@ impl Problem {
         }
     }
 
-    /// The entry of the key's list that it is about.
+    /// Returns the index of the offending entry in the key's list.
     fn index(&self) -> Option<usize> {
         match self {
             Problem::Waypoint { index, .. }
@@ -192,7 +192,7 @@ impl Problem {
         }
     }
 
-    /// What to do about it.
+    /// Returns advice on how to solve the problem.
     fn advice(&self) -> Option<String> {
         let fixed = match self {
             Problem::Needs { key: "local.integrator", needs, .. } => {
@@ -209,10 +209,10 @@ impl Problem {
                 MaterialError::Flat { .. } | MaterialError::Loose { .. } => "repair the mesh",
             },
             Problem::Settle(SettleError::Floating { .. }) => {
-                "fix nodes of every piece with `mesh.fixed`, or leave out `settle`"
+                "fix nodes of every piece with `mesh.fixed`, or omit `settle`"
             }
             Problem::Settle(SettleError::NotSettled { .. }) => {
-                "give a stiffer material, more fixed nodes or less `material.gravity`, or leave out `settle`"
+                "give a stiffer material, more fixed nodes or less `material.gravity`, or omit `settle`"
             }
             Problem::Network(_) | Problem::Surface(_) | Problem::Model(_) | Problem::OwnPart(_) => return None,
             _ => return self.key().and_then(accepted).map(|values| format!("accepted: {values}")),
@@ -221,14 +221,14 @@ impl Problem {
     }
 }
 
-/// A problem with its place in the scene's text.
+/// A problem of a scene, with its place in the text.
 ///
 /// ```
 /// use stickslip::scene::{Problem, Scene};
 ///
 /// let scene = Scene::shipped("fig5-stick-slip").expect("shipped with the program");
 /// let text = scene.text().expect("it was read");
-/// let inside = text.replace("0.002]", "-0.002]"); // where the tip starts, under the block's top
+/// let inside = text.replace("0.002]", "-0.002]"); // starts the tip below the block's top
 /// let error = Scene::parse(&inside, "inside.toml".as_ref())
 ///     .and_then(|scene| stickslip::pipeline::Simulation::prepare(&scene))
 ///     .expect_err("a tip that starts inside");
@@ -248,7 +248,7 @@ pub(super) struct Detail {
 }
 
 impl SceneError {
-    /// A problem of a scene that was read from `source`, or of one that was built in Rust.
+    /// Builds the error of a scene that was read from `source`, or of one that was built in Rust (`None`).
     pub(super) fn new(problem: Problem, source: Option<&NamedSource<String>>) -> Self {
         let span = source.zip(problem.key()).and_then(|(source, key)| place(source.inner(), key, problem.index()));
         let help = problem.advice();
@@ -264,7 +264,7 @@ impl SceneError {
         self
     }
 
-    /// What is wrong.
+    /// Returns the problem.
     pub fn problem(&self) -> &Problem {
         &self.detail.problem
     }

@@ -1,5 +1,5 @@
-//! The scene file as written: keys and the types of their values. What values mean is decided in [`super::read`], which
-//! go together in [`super::check`].
+//! The scene file as written: keys and the types of their values. [`super::read`] interprets the values;
+//! [`super::check`] decides which go together.
 
 use super::Schedule;
 use super::words::*;

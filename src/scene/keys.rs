@@ -1,4 +1,4 @@
-//! Every key of a scene and what it accepts: one table for error messages and documentation.
+//! All keys of a scene with their accepted values: one table for error messages and documentation.
 
 use super::Schedule;
 use super::words::*;
@@ -16,24 +16,24 @@ use crate::surface::support::Metric;
 
 use Accepts::{Table, Text, Words};
 
-/// What a key accepts.
+/// The accepted values of a key.
 enum Accepts {
-    /// A value as described.
+    /// Values as described.
     Text(&'static str),
-    /// One of some words, of which one may be the default; then what there is to know of them.
+    /// One of some words, of which one may be the default; then further conditions.
     Words(&'static [&'static str], fn() -> Option<&'static str>, &'static str),
-    /// A table of the keys that begin with this one; then what there is to know of it.
+    /// A table of the keys that begin with this one; then further conditions.
     Table(&'static str),
 }
 
-/// The words of an enum that has a default.
+/// Builds an entry from the words of an enum that has a default.
 macro_rules! words {
     ($type:ty, $more:literal) => {
         Words(&<$type>::NAMES, || Some(<$type>::default().name()), $more)
     };
 }
 
-/// Keys and what they accept, in the order of a scene file.
+/// Keys and their accepted values, in the order of a scene file.
 const KEYS: &[(&str, Accepts)] = &[
     ("name", Text("letters, digits, `-`, `_` and `.`, starting with a letter or digit; it names the output folder")),
     ("duration", Text("a finite number above 0, in s, that is a whole number of ticks of `local.rate`")),
@@ -275,7 +275,7 @@ const KEYS: &[(&str, Accepts)] = &[
     ("timing.seed", Text("a whole number (default 0)")),
 ];
 
-/// What a key accepts, in a phrase.
+/// Returns a phrase for the accepted values of a key.
 pub fn accepted(key: &str) -> Option<String> {
     let (_, accepts) = KEYS.iter().find(|(known, _)| *known == key)?;
     Some(match accepts {
@@ -291,7 +291,7 @@ pub fn accepted(key: &str) -> Option<String> {
     })
 }
 
-/// What can be written there: the words that a key accepts, or the keys of a table (of the scene, for an empty key).
+/// Returns the words that a key accepts, or the keys of a table (of the scene, for an empty key).
 pub fn known_words(key: &str) -> Vec<&'static str> {
     if let Some((_, Words(names, ..))) = KEYS.iter().find(|(known, _)| *known == key) {
         return names.to_vec();

@@ -1,4 +1,4 @@
-//! Whether a scene fits into memory, told before anything of its size is allocated.
+//! A check that a scene fits into memory, before anything of its size is allocated.
 
 use crate::local::condensation::{FarField, Reach};
 use crate::local::model::{ExteriorKind, Linearization, LocalSettings};
@@ -8,19 +8,19 @@ use crate::model::mesh::Mesh;
 use crate::scene::MeshSource;
 use crate::scene::error::Problem;
 
-/// Bytes that a run takes per node: rest position, mass, and eight position-and-velocity arrays of
-/// the global side, the local side and their scratch.
+/// Bytes of a run per node: rest position, mass, and eight position-and-velocity arrays of the global side, the local
+/// side and their scratch.
 const BYTES_PER_NODE: u128 = 500;
 /// Bytes per spring: once in the network and twice in the adjacency, once in a patch that takes all.
 const BYTES_PER_SPRING: u128 = 300;
-/// Bytes per tick: what the summary and the plot keep, twice, and the spectrum's buffers.
+/// Bytes per tick: records of the summary and the plot, twice, and the spectrum's buffers.
 const BYTES_PER_TICK: u128 = 256;
 
-/// Bytes of a condensed exterior per point to the power of 4/3, the growth of a factor under nested
-/// dissection in three dimensions: 900 of blocks of 1,000 to 10,000 nodes, matrix and pattern included.
+/// Bytes of a condensed exterior per point to the power of 4/3, the growth of a factor under nested dissection in three
+/// dimensions: 900 for blocks of 1,000 to 10,000 nodes, matrix and pattern included.
 const BYTES_PER_FACTOR_POINT: f64 = 1200.0;
 
-/// What a scene does with its mesh, as far as memory goes.
+/// The settings of a run that determine its memory.
 #[derive(Clone, Copy)]
 pub(super) struct Run<'a> {
     pub local: &'a LocalSettings,
@@ -29,20 +29,20 @@ pub(super) struct Run<'a> {
     pub ticks_per_cycle: u32,
 }
 
-/// How large a mesh is.
+/// The size of a mesh.
 pub(super) struct Size<'a> {
     pub nodes: u128,
     pub springs: u128,
-    /// Nodes within so many springs of one, at most.
+    /// Upper bound on the number of nodes within a number of springs of one.
     pub within: &'a dyn Fn(u32) -> u128,
 }
 
-/// What a condensed exterior takes of a mesh.
+/// Estimates the bytes of a condensed exterior.
 fn factor_bytes(reach: Reach, size: &Size) -> u128 {
     let points = match reach {
         Reach::All => size.nodes,
         Reach::Rings { rings, far_field: FarField::Fixed } => (size.within)(rings),
-        // A vertex of the coarse grid for four nodes in every direction.
+        // The coarse grid has a vertex for four nodes in every direction.
         Reach::Rings { rings, far_field: FarField::Coarse } => {
             (size.within)(rings).saturating_add(size.nodes.div_ceil(16))
         }
@@ -50,7 +50,7 @@ fn factor_bytes(reach: Reach, size: &Size) -> u128 {
     (BYTES_PER_FACTOR_POINT * (points as f64).powf(4.0 / 3.0)) as u128
 }
 
-/// Whether a run over this mesh fits.
+/// Checks that a run over this mesh fits.
 pub(super) fn mesh_fits(mesh: &MeshSource, run: Run) -> Result<(), Problem> {
     match mesh {
         MeshSource::Block(block) => {
@@ -69,7 +69,7 @@ pub(super) fn mesh_fits(mesh: &MeshSource, run: Run) -> Result<(), Problem> {
     }
 }
 
-/// Whether a mesh of this size, given by `key`, fits.
+/// Checks that a run over a mesh of this size, given by `key`, fits.
 pub(super) fn fits(key: &'static str, size: &Size, run: Run) -> Result<(), Problem> {
     let &Size { nodes, springs, within } = size;
     let Run { local, integrator, ticks, ticks_per_cycle } = run;
@@ -77,8 +77,8 @@ pub(super) fn fits(key: &'static str, size: &Size, run: Run) -> Result<(), Probl
         Extent::All => nodes,
         Extent::Rings(rings) => within(rings),
     };
-    // Matrices of the size of K, dense over every node of the patch: K, D, what a tick adds to them, and what is
-    // in use at once while that is built.
+    // Matrices of the size of K, dense over every node of the patch: K, D, those that a tick adds to them, and those in
+    // use at once while they are built.
     let matrices = match integrator {
         LocalIntegrator::SemiImplicitEuler => 2,
         LocalIntegrator::ImplicitEuler | LocalIntegrator::ImplicitMidpoint => 2 + 3 + 9,
@@ -114,14 +114,21 @@ pub(super) fn fits(key: &'static str, size: &Size, run: Run) -> Result<(), Probl
     Err(Problem::TooLarge { key, nodes, springs, ticks, needed_mib: mib(needed), available_mib: mib(available) })
 }
 
-/// Bytes.
+/// Returns the available memory, bytes. A build without the feature `files` does not look, and takes every scene.
+#[cfg(feature = "files")]
 pub(super) fn available_memory() -> u64 {
     let mut system = sysinfo::System::new();
     system.refresh_memory();
     system.available_memory()
 }
 
-/// Nodes within so many springs of one: the most of some surface nodes, and half as many again for the others.
+#[cfg(not(feature = "files"))]
+pub(super) fn available_memory() -> u64 {
+    u64::MAX
+}
+
+/// Returns the number of nodes within some springs of one: the largest of some surface nodes, and half as many again
+/// for the others.
 fn largest_neighbourhood(mesh: &Mesh, rings: u32) -> u128 {
     const LOOKED_AT: usize = 32;
     let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); mesh.nodes.len()];

@@ -1,4 +1,4 @@
-//! Where a scene's mesh comes from.
+//! Sources of a scene's mesh.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -7,10 +7,10 @@ use crate::mesh_file::FileMesh;
 use crate::model::material::Bulk;
 use crate::model::mesh::{Block, Mesh};
 
-/// Extents of a body in m beyond which, or below which, its unit is in doubt.
+/// Usual extents of a body, m; beyond them the unit of its file is in doubt.
 const USUAL_EXTENTS: Range<f64> = 1e-3..10.0;
 
-/// A block that is generated, or a mesh that has been read.
+/// A generated block, or a mesh from a file.
 ///
 /// ```
 /// use stickslip::scene::Scene;
@@ -27,14 +27,14 @@ const USUAL_EXTENTS: Range<f64> = 1e-3..10.0;
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub enum MeshSource {
-    /// Generated.
+    /// A generated block.
     Block(Block),
-    /// Read from a file.
+    /// A mesh from a file.
     File(Arc<FileMesh>),
 }
 
 impl MeshSource {
-    /// The mesh itself.
+    /// Builds the mesh.
     pub fn mesh(&self) -> Mesh {
         match self {
             MeshSource::Block(block) => block.mesh(),
@@ -42,7 +42,7 @@ impl MeshSource {
         }
     }
 
-    /// Its number of nodes.
+    /// Returns the number of nodes.
     pub fn node_count(&self) -> usize {
         match self {
             MeshSource::Block(block) => block.nodes.iter().product(),
@@ -50,7 +50,7 @@ impl MeshSource {
         }
     }
 
-    /// Distance between neighbours, m: a block's spacing, or the mean length of a file's edges.
+    /// Returns the distance between neighbours, m: a block's spacing, or the mean length of a file's edges.
     pub fn spacing(&self) -> f64 {
         match self {
             MeshSource::Block(block) => block.spacing,
@@ -62,7 +62,7 @@ impl MeshSource {
         }
     }
 
-    /// What fills it.
+    /// Returns the bulk of the mesh: a lattice, a shell or tetrahedra.
     pub fn bulk(&self) -> Bulk<'_> {
         match self {
             MeshSource::Block(block) => Bulk::Lattice(block),
@@ -71,7 +71,7 @@ impl MeshSource {
         }
     }
 
-    /// Volume that each node stands for, m³.
+    /// Returns the volume of each node, m³.
     pub fn node_volumes(&self) -> Vec<f64> {
         match self {
             MeshSource::Block(block) => block.node_volumes(),
@@ -79,7 +79,7 @@ impl MeshSource {
         }
     }
 
-    /// Whether each node is one of the lowest: a block's lowest layer, or a file's nodes at the lowest z.
+    /// Returns whether each node is one of the lowest: a block's lowest layer, or a file's nodes at the lowest z.
     pub fn bottom(&self) -> Vec<bool> {
         match self {
             MeshSource::Block(block) => (0..self.node_count()).map(|node| block.is_bottom(node)).collect(),
@@ -87,7 +87,7 @@ impl MeshSource {
         }
     }
 
-    /// What may not be meant of it, with these nodes fixed.
+    /// Returns warnings about what may be unintended in the mesh, with these nodes fixed.
     pub(super) fn warnings(&self, fixed: &[bool]) -> Vec<String> {
         match self {
             MeshSource::Block(_) => Vec::new(),
@@ -119,7 +119,7 @@ fn warnings(file: &FileMesh, fixed: &[bool]) -> Vec<String> {
     }
     if file.unused_nodes > 0 {
         warnings.push(format!(
-            "{} nodes of the mesh's file are left out, as no element uses them: indices count the others",
+            "{} nodes of the mesh's file are omitted, as no element uses them: indices count the others",
             file.unused_nodes
         ));
     }

@@ -1,4 +1,4 @@
-//! Scenes: what is simulated, read from TOML or built in Rust, and checked before anything else is built.
+//! Scenes: the settings of a simulation, read from TOML or built in Rust, and checked before anything else is built.
 
 mod build;
 mod check;
@@ -38,14 +38,14 @@ use crate::multirate::timeline::{Costs, Deadline, DrawnTimes, Timeline};
 use crate::surface::geometry::ContactSurface;
 use crate::word::words;
 
-/// `local.rate` where none is given.
+/// Default of `local.rate`, Hz.
 const DEFAULT_LOCAL_RATE_HZ: f64 = 1000.0;
-/// `global.rate` where none is given.
+/// Default of `global.rate`, Hz.
 const DEFAULT_GLOBAL_RATE_HZ: f64 = 10.0;
 
-/// What is simulated. Fields that stand by themselves are public; what follows from others has a method, so that no two
-/// can contradict. Settings that do not go together are found by [`check`](Self::check), which reading, building and
-/// [`Simulation::prepare`](crate::pipeline::Simulation::prepare) all call.
+/// A scene. Independent settings are public fields; derived quantities are methods, so that no two values can
+/// contradict each other. [`check`](Self::check) finds settings that do not go together; reading, building and
+/// [`Simulation::prepare`](crate::pipeline::Simulation::prepare) all call it.
 ///
 /// ```
 /// use stickslip::scene::Scene;
@@ -57,17 +57,17 @@ const DEFAULT_GLOBAL_RATE_HZ: f64 = 10.0;
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Scene {
-    /// Letters, digits, `-`, `_` and `.`, starting with a letter or digit: the name of the output folder.
+    /// Name of the scene and its output folder: letters, digits, `-`, `_` and `.`, starting with a letter or digit.
     pub name: String,
-    /// Where the mesh comes from.
+    /// Source of the mesh.
     pub mesh: MeshSource,
-    /// Whether each node never moves.
+    /// Whether each node is fixed.
     pub fixed: Vec<bool>,
     /// Masses, springs, gravity and drag.
     pub material: Material,
     /// Whether the network is brought into equilibrium under gravity before t = 0.
     pub settle: bool,
-    /// Integration of the network, and what it takes in from the local model.
+    /// Integration of the network, and its coupling to the local model.
     pub global: GlobalSettings,
     /// Integrator of the local model.
     pub integrator: LocalIntegrator,
@@ -75,25 +75,25 @@ pub struct Scene {
     pub surface: ContactSurface,
     /// Law, scheme and rigid wall of the contact.
     pub contact: ContactRules,
-    /// What kind of instrument there is.
+    /// Kind of instrument.
     pub instrument: InstrumentKind,
-    /// Path of the tip, or of what the hand of a device aims at.
+    /// Path of the tip, or the set-point of the hand that holds a device.
     pub path: TipPath,
-    /// Ticks over which the force's jump at a hand-over fades.
+    /// Number of ticks over which the force's jump at a hand-over fades.
     pub smoothing_ticks: u32,
     /// Lockstep in virtual time, or threads in real time.
     pub schedule: Schedule,
     /// Deadline of every tick.
     pub deadline: Deadline,
-    /// Computing times in virtual time; without any, computing takes no time.
+    /// Computing times in virtual time; `None` if computing takes no time.
     pub costs: Option<Costs>,
     local_rate_hz: f64,
     ticks_per_cycle: u32,
     tick_count: u64,
-    /// `model = "full"`: `local` is then [`LocalSettings::FULL`].
+    /// Whether `local.model = "full"`; `local` is then [`LocalSettings::FULL`].
     is_full: bool,
     local: LocalSettings,
-    /// The text that it was read from, kept for errors that only show when it is put together.
+    /// The text that the scene was read from, for errors that only show when the simulation is prepared.
     source: Option<NamedSource<String>>,
 }
 
@@ -103,30 +103,30 @@ pub enum Schedule {
     /// The two sides take turns in virtual time.
     #[default]
     Lockstep,
-    /// Real time, a thread each; the servo thread never waits.
+    /// Real time, with one thread for each side; the servo thread never waits.
     Threads,
 }
 
 words!(Schedule { Lockstep = "lockstep", Threads = "threads" });
 
-/// The global side of a scene.
+/// Settings of the global side.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct GlobalSettings {
-    /// How the full model is integrated.
+    /// Integrator of the full network.
     pub integrator: GlobalIntegrator,
-    /// Equal steps per cycle.
+    /// Number of equal steps per cycle.
     pub substeps: u32,
-    /// Threads that share the steps.
+    /// Number of threads that share the steps.
     pub threads: Threads,
-    /// How the network takes in the local model's cycle.
+    /// How the network takes over the local model's motion in a cycle.
     pub sync: SyncMode,
-    /// Ticks from the state a model is built from to its first use.
+    /// Number of ticks from the state that a model is built from to its first use.
     pub latency_ticks: u32,
 }
 
 impl Default for GlobalSettings {
-    /// Those of a scene file without `[global]` and `[sync]`.
+    /// Settings of a scene file without `[global]` and `[sync]`.
     fn default() -> Self {
         Self {
             integrator: GlobalIntegrator::default(),
@@ -142,7 +142,7 @@ impl Scene {
     /// Reads a scene file.
     ///
     /// # Errors
-    /// If the file is missing or not a scene; with file, line, column and what is accepted.
+    /// If the file is missing or is not a scene, with file, line, column and accepted values.
     pub fn load(path: &Path) -> Result<Self, SceneError> {
         let text = std::fs::read_to_string(path).map_err(|error| {
             let names = SHIPPED.iter().map(|shipped| shipped.name);
@@ -157,84 +157,84 @@ impl Scene {
         Self::parse(&text, path)
     }
 
-    /// Reads a scene from text. `path` names it in errors, and files it mentions are relative to it.
+    /// Reads a scene from text. `path` names it in errors; files that it mentions are relative to `path`.
     ///
     /// # Errors
-    /// As [`load`](Self::load).
+    /// If the text is not a scene, with file, line, column and accepted values.
     pub fn parse(text: &str, path: &Path) -> Result<Self, SceneError> {
         read::scene(text, path)
     }
 
-    /// A scene that comes with the program, by name.
+    /// Returns a scene that is shipped with the program, by its name.
     pub fn shipped(name: &str) -> Option<Self> {
         let shipped = SHIPPED.iter().find(|shipped| shipped.name == name)?;
         Self::parse(shipped.text, Path::new(name)).ok()
     }
 
-    /// Whether every setting is in range and goes together with the others.
+    /// Checks that every setting is in range and goes together with the others.
     ///
     /// # Errors
-    /// With the first setting that does not, by its key in scene files.
+    /// If a setting is not accepted, with the first such key of scene files.
     pub fn check(&self) -> Result<(), SceneError> {
         check::check(self).map_err(|problem| SceneError::new(problem, None))
     }
 
-    /// h, s: a tick of the local loop.
+    /// Returns the local tick h, s.
     pub fn tick_s(&self) -> f64 {
         1.0 / self.local_rate_hz
     }
 
-    /// Ticks from the start to the end.
+    /// Returns the number of ticks of the run.
     pub fn tick_count(&self) -> u64 {
         self.tick_count
     }
 
-    /// Time from the start to the end, s.
+    /// Returns the duration of the run, s.
     pub fn duration_s(&self) -> f64 {
         self.tick_count as f64 / self.local_rate_hz
     }
 
-    /// Rate of the local loop, Hz.
+    /// Returns the rate of the local loop, Hz.
     pub fn local_rate_hz(&self) -> f64 {
         self.local_rate_hz
     }
 
-    /// Rate of global cycles, Hz.
+    /// Returns the rate of global cycles, Hz.
     pub fn global_rate_hz(&self) -> f64 {
         self.local_rate_hz / f64::from(self.ticks_per_cycle)
     }
 
-    /// Ticks of the local loop in a global cycle.
+    /// Returns the number of ticks of the local loop in a global cycle.
     pub fn ticks_per_cycle(&self) -> u32 {
         self.ticks_per_cycle
     }
 
-    /// The local model; [`LocalSettings::FULL`] if there is none.
+    /// Returns the settings of the local model; [`LocalSettings::FULL`] if there is none.
     pub fn local(&self) -> LocalSettings {
         self.local
     }
 
-    /// Whether the whole network runs at the local rate, without cycles or local models.
+    /// Returns whether the whole network runs at the local rate, without cycles or local models.
     pub fn is_full(&self) -> bool {
         self.is_full
     }
 
-    /// What is accepted but may not be meant.
+    /// Returns warnings about settings that are accepted but may be unintended.
     pub fn warnings(&self) -> Vec<String> {
         self.mesh.warnings(&self.fixed)
     }
 
-    /// The path that it was read from, or the name of a scene that was shipped or built.
+    /// Returns the path that the scene was read from, or the name of a scene that was shipped or built.
     pub fn path_name(&self) -> &Path {
         Path::new(self.source.as_ref().map_or(&*self.name, |source| source.name()))
     }
 
-    /// The TOML that it was read from; none if it was built.
+    /// Returns the TOML that the scene was read from; `None` if it was built.
     pub fn text(&self) -> Option<&str> {
         self.source.as_ref().map(|source| source.inner().as_str())
     }
 
-    /// When its models arrive and which of its ticks are late, in virtual time.
+    /// Returns the timeline in virtual time: when models arrive and which ticks are late.
     pub fn timeline(&self) -> Timeline {
         let latency = u64::from(self.global.latency_ticks);
         match &self.costs {
@@ -252,7 +252,7 @@ impl Scene {
         }
     }
 
-    /// A problem that only shows when the scene is put together, with its place in the text if there is one.
+    /// Builds the error of a problem that only shows when the simulation is prepared, with its place in the text.
     pub(crate) fn error(&self, problem: Problem) -> SceneError {
         SceneError::new(problem, self.source.as_ref())
     }

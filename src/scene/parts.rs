@@ -1,4 +1,4 @@
-//! What a scene needs of the program, and what is left out of its pipeline.
+//! The optional parts of the pipeline that a scene needs or omits.
 
 use std::fmt;
 
@@ -23,11 +23,11 @@ use crate::surface::support::Metric;
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Part {
-    /// What it is.
+    /// Name of the part.
     pub name: &'static str,
-    /// Whether this scene has it.
+    /// Whether the scene needs the part.
     pub needed: bool,
-    /// The value in the scene that decides.
+    /// The scene's value that decides.
     pub because: String,
 }
 
@@ -38,7 +38,7 @@ impl fmt::Display for Part {
 }
 
 impl Scene {
-    /// Every optional part, with what decides whether this scene has it.
+    /// Returns every optional part, with the value that decides whether this scene needs it.
     pub fn parts(&self) -> Vec<Part> {
         let part = |name, needed, because: String| Part { name, needed, because };
         let is = |key: &str, word: &str| format!("{key} = {word:?}");
@@ -58,6 +58,10 @@ impl Scene {
             ExteriorKind::Fixed | ExteriorKind::Drifting => (false, exterior_is.clone()),
         };
         let takes_all = local.extent == Extent::All;
+        let rings_is = match local.extent {
+            Extent::All => is("local.rings", All::All.name()),
+            Extent::Rings(rings) => format!("local.rings = {rings}"),
+        };
         let (replays, sync_is) = match self.global.sync {
             _ if takes_all => (false, "the local model takes every free node".to_owned()),
             sync => (sync == SyncMode::Replay, is("sync.mode", sync.name())),
@@ -118,11 +122,7 @@ impl Scene {
                 self.integrator != LocalIntegrator::SemiImplicitEuler,
                 is("local.integrator", self.integrator.name()),
             ),
-            part(
-                "exterior at rest or moving",
-                !takes_all,
-                if self.is_full() { model_is } else { format!("local.rings: {:?}", local.extent) },
-            ),
+            part("exterior at rest or moving", !takes_all, if self.is_full() { model_is } else { rings_is }),
             part("exterior drift", drifts && !takes_all, exterior_is.clone()),
             part("condensation (sparse factorisation)", condenses && !takes_all, exterior_is),
             part("coarse far field", coarsens && !takes_all, far_field_is),

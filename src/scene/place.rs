@@ -1,11 +1,11 @@
-//! Where a key stands in a scene's text.
+//! Places of keys in a scene's text.
 
 use std::ops::Range;
 
 use toml::de::{DeTable, DeValue};
 
-/// Bytes of a key's value, of one entry of it if an index is given, or of the innermost table around it that is there;
-/// `None` if not even that is.
+/// Returns the bytes of a key's value, or of one entry of it if an index is given. If the key is absent, returns those
+/// of the innermost table around it that exists; `None` if there is none.
 pub fn place(text: &str, key: &str, index: Option<usize>) -> Option<Range<usize>> {
     let document = DeTable::parse(text).ok()?;
     let (mut table, mut found) = (document.get_ref(), None);
@@ -23,9 +23,9 @@ pub fn place(text: &str, key: &str, index: Option<usize>) -> Option<Range<usize>
     found
 }
 
-/// The known word that is most like one that is not known, if any is like it.
+/// Returns the known word that is most similar to an unknown one, if any is similar.
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    /// Two of three letters in place: a slip of the pen, not another word.
+    /// Least similarity, two of three letters in place: a typing error, not another word.
     const LIKE: f64 = 0.66;
     let likeness = |known: &str| strsim::normalized_damerau_levenshtein(word, known);
     let best = known.into_iter().map(|known| (likeness(known), known)).max_by(|(a, _), (b, _)| a.total_cmp(b))?;

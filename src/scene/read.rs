@@ -1,5 +1,5 @@
-//! From a scene file to a scene: defaults, units, files that it names, and keys that have no effect beside others. What
-//! has to hold of the result is [`super::check`]'s.
+//! Conversion of a scene file to a scene: defaults, units, files that it names, and keys without effect beside others.
+//! [`super::check`] checks the result.
 
 mod global;
 mod instrument;
@@ -42,8 +42,7 @@ fn deserialize(source: &NamedSource<String>) -> Result<SceneFile, SceneError> {
     };
     let deserializer = toml::Deserializer::parse(text).map_err(|error| syntax(&error))?;
     serde_path_to_error::deserialize(deserializer).map_err(|error| {
-        // The path names the key of a wrong value, but the table of an unknown or missing key.
-        let path: Vec<String> = error
+        let mut path: Vec<String> = error
             .path()
             .iter()
             .filter_map(|segment| match segment {
@@ -51,10 +50,12 @@ fn deserialize(source: &NamedSource<String>) -> Result<SceneFile, SceneError> {
                 _ => None,
             })
             .collect();
+        // Of a key that is not known, what is known is the table.
+        let unknown = if accepted(&path.join(".")).is_none() { path.pop() } else { None };
         let key = path.join(".");
         let written = error.inner().span().and_then(|span| text.get(span)).unwrap_or("");
-        let meant = nearest(written.trim_matches(['"', '\'', '[', ']']), known_words(&key));
-        let meant = meant.map(|word| format!("did you mean `{word}`?"));
+        let written = unknown.as_deref().unwrap_or(written.trim_matches(['"', '\'']));
+        let meant = nearest(written, known_words(&key)).map(|word| format!("did you mean `{word}`?"));
         let values = accepted(&key).map(|values| format!("accepted for `{key}`: {values}"));
         let help: Vec<String> = meant.into_iter().chain(values).collect();
         let placed = syntax(error.inner());
@@ -78,7 +79,7 @@ fn assemble(file: SceneFile, folder: &Path) -> Read<Scene> {
     let tick_s = 1.0 / local_rate_hz;
     let (deadline, costs) = timing::timing(&file.timing, schedule, tick_s)?;
     if schedule == Schedule::Threads {
-        // A latency of none is what real time has anyway.
+        // A latency of zero agrees with real time.
         no_effect("sync.latency_ticks", file.sync.latency_ticks.is_some_and(|ticks| ticks > 0), check::IN_REAL_TIME)?;
     }
     if is_full {

@@ -1,22 +1,22 @@
-//! The scenes that come with the program, and how each is expected to end.
+//! The scenes that are shipped with the program, and how each is expected to end.
 
-/// A scene in the program.
+/// A shipped scene.
 #[derive(Debug, Clone, Copy)]
 pub struct Shipped {
-    /// Its name.
+    /// Name of the scene.
     pub name: &'static str,
-    /// Its TOML.
+    /// TOML of the scene.
     pub text: &'static str,
-    /// How a run of it ends.
+    /// Expected end of a run.
     pub expectation: Expectation,
 }
 
-/// How a run is expected to end.
+/// The expected end of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Expectation {
-    /// After its duration.
+    /// The run completes its duration.
     Completes,
-    /// With a fault: an extreme that shows the fail-safe at work.
+    /// The run ends with a fault: an extreme that shows the fail-safe at work.
     Faults,
 }
 

@@ -1,4 +1,4 @@
-//! Words of scenes for choices whose domain type carries more than the word, or has no type of its own.
+//! Words of scene files for choices whose domain type carries more than the word, or has no type of its own.
 
 use serde::{Deserialize, Serialize};
 
@@ -68,12 +68,12 @@ impl From<Linearization> for LinearizationName {
 /// Value of `local.exterior`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum ExteriorName {
-    /// The exterior stays where it is.
+    /// The exterior is fixed.
     #[default]
     Fixed,
-    /// The exterior moves on at its velocity.
+    /// The exterior drifts at its velocity.
     Drifting,
-    /// The exterior follows the patch quasi-statically.
+    /// The exterior is statically condensed.
     Condensed,
 }
 
@@ -103,7 +103,7 @@ pub enum LawName {
 words!(LawName { Sliding = "sliding", Sticking = "sticking", StickSlip = "stick-slip" });
 
 impl LawName {
-    /// The word for a law; `None` for a law of one's own.
+    /// Returns the word for a law; `None` for a custom law.
     pub fn of(law: Law) -> Option<Self> {
         match law {
             Law::Sliding => Some(LawName::Sliding),
@@ -160,16 +160,16 @@ words!(InstrumentName { Path = "path", Recording = "recording", Phantom = "phant
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected a whole number of at least 1 or \"all\"")]
 pub enum Rings {
-    /// So many.
+    /// A number of rings.
     Count(u32),
-    /// As many as there are.
+    /// All rings.
     All(All),
 }
 
 /// The word of [`Rings::All`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum All {
-    /// No bound.
+    /// All rings.
     All,
 }
 

@@ -1,4 +1,4 @@
-//! The contact surface: which one, what is prepared for it once per mesh, and the points on it.
+//! The contact surface: its kind, the tables prepared for it once per mesh, and the points on it.
 
 use std::sync::Arc;
 
@@ -7,22 +7,22 @@ use crate::Vec3;
 use crate::model::topology::{Surface, SurfaceError};
 use crate::word::words;
 
-/// Which surface the tip feels.
+/// Kind of surface that the tip touches.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum ContactSurface {
     /// The triangles with their face normals (the paper). The normal jumps at an edge.
     #[default]
     Faceted,
-    /// The triangles with normals interpolated from the vertices. No jump, but not the normal of
-    /// what slides: it creates energy.
+    /// The triangles with normals interpolated from the vertices (Phong). They do not jump, but are not the normals of
+    /// the surface that slides: this creates energy.
     Shaded,
-    /// The Loop limit surface with its true normal: no jump, and no energy from nowhere.
+    /// The Loop limit surface with its true normal: no jump, and no energy is created.
     Subdivision,
 }
 
 words!(ContactSurface { Faceted = "faceted", Shaded = "shaded", Subdivision = "subdivision" });
 
-/// A contact surface with what is prepared for it once per mesh.
+/// A contact surface with the tables prepared for it once per mesh.
 ///
 /// ```
 /// use stickslip::surface::geometry::{ContactGeometry, ContactPoint, ContactSurface};
@@ -37,7 +37,7 @@ words!(ContactSurface { Faceted = "faceted", Shaded = "shaded", Subdivision = "s
 ///     assert_eq!(weights.len(), geometry.support(&surface, 60).len());
 ///     assert!(weights.len() <= geometry.largest_support());
 ///     let sum: f64 = weights.iter().map(|(_, weight)| weight).sum();
-///     assert!((sum - 1.0).abs() < 1e-14); // where the mesh goes, the contact point goes
+///     assert!((sum - 1.0).abs() < 1e-14); // the contact point moves with the mesh
 /// }
 /// # Ok::<(), stickslip::model::topology::SurfaceError>(())
 /// ```
@@ -55,7 +55,7 @@ impl ContactGeometry {
     /// Prepares a contact surface.
     ///
     /// # Errors
-    /// If the mesh is none that a subdivision surface can be made of.
+    /// If no subdivision surface can be built from the mesh.
     pub fn new(kind: ContactSurface, surface: &Surface) -> Result<Self, SurfaceError> {
         Ok(match kind {
             ContactSurface::Faceted => Self::Faceted,
@@ -64,7 +64,7 @@ impl ContactGeometry {
         })
     }
 
-    /// The vertices that decide where a triangle's contact points are.
+    /// Returns the vertices that determine the contact points of a triangle.
     #[inline]
     pub fn support<'a>(&'a self, surface: &'a Surface, triangle: u32) -> &'a [u32] {
         match self {
@@ -73,7 +73,7 @@ impl ContactGeometry {
         }
     }
 
-    /// Vertices in a [`support`](Self::support), at most.
+    /// Largest number of vertices in a [`support`](Self::support).
     pub fn largest_support(&self) -> usize {
         match self {
             Self::Faceted | Self::Shaded => 3,
@@ -81,7 +81,7 @@ impl ContactGeometry {
         }
     }
 
-    /// Those vertices with their weights at a contact point: p = Σ wᵢxᵢ, Σ w = 1.
+    /// Returns the support's vertices with their weights at a contact point: p = Σ wᵢxᵢ, Σ w = 1.
     pub fn weights(&self, surface: &Surface, point: &ContactPoint) -> impl Iterator<Item = (u32, f64)> {
         let mut weights = [(0, 0.0); LARGEST_SUPPORT];
         let support = self.support(surface, point.triangle);
@@ -99,13 +99,13 @@ impl ContactGeometry {
     }
 }
 
-/// The contact surface of one mesh: its triangles, and the positions and normals that the tip feels on them. Constant
+/// The contact surface of one mesh: its triangles, and the positions and normals of contact points on them. Constant
 /// within a run, and cheap to clone.
 #[derive(Debug, Clone)]
 pub struct SurfaceModel {
     /// The boundary triangles of the mesh and their neighbours.
     pub topology: Arc<Surface>,
-    /// What is prepared for the kind of surface.
+    /// Tables prepared for the kind of surface.
     pub geometry: ContactGeometry,
 }
 
@@ -113,27 +113,27 @@ impl SurfaceModel {
     /// Prepares a kind of contact surface over the boundary of a mesh.
     ///
     /// # Errors
-    /// If no subdivision surface can be made of the mesh.
+    /// If no subdivision surface can be built from the mesh.
     pub fn new(kind: ContactSurface, topology: Arc<Surface>) -> Result<Self, SurfaceError> {
         Ok(Self { geometry: ContactGeometry::new(kind, &topology)?, topology })
     }
 
-    /// The triangles with their face normals (the paper), which any mesh has.
+    /// Prepares the triangles with their face normals (the paper), which any mesh has.
     pub fn faceted(topology: Arc<Surface>) -> Self {
         Self { topology, geometry: ContactGeometry::Faceted }
     }
 
-    /// Vertices that decide where a triangle's contact points are.
+    /// Returns the vertices that determine the contact points of a triangle.
     pub fn support(&self, triangle: u32) -> &[u32] {
         self.geometry.support(&self.topology, triangle)
     }
 
-    /// Those vertices with their weights at a contact point: p = Σ wᵢxᵢ, Σ w = 1.
+    /// Returns the support's vertices with their weights at a contact point: p = Σ wᵢxᵢ, Σ w = 1.
     pub fn weights(&self, point: &ContactPoint) -> impl Iterator<Item = (u32, f64)> {
         self.geometry.weights(&self.topology, point)
     }
 
-    /// The nodes that a contact point rests on, with their weights.
+    /// Returns the nodes that carry a contact point, with their weights.
     pub fn node_weights(&self, point: &ContactPoint) -> impl Iterator<Item = (usize, f64)> {
         self.weights(point).map(|(vertex, weight)| (self.topology.vertex_node[vertex as usize] as usize, weight))
     }
@@ -150,14 +150,14 @@ impl SurfaceModel {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactPoint {
-    /// The triangle it lies in.
+    /// The triangle that the point lies in.
     pub triangle: u32,
     /// Barycentric weights α, β, γ; their sum is 1.
     pub weights: [f64; 3],
 }
 
 impl ContactPoint {
-    /// p = αa + βb + γc.
+    /// Position p = αa + βb + γc, m, for corners a, b, c.
     #[inline]
     pub fn position(&self, [a, b, c]: [Vec3; 3]) -> Vec3 {
         a * self.weights[0] + b * self.weights[1] + c * self.weights[2]

@@ -1,5 +1,5 @@
-//! The contact surface, prepared once per mesh: which surface the tip feels, the support of its points, the box tree
-//! that searches it, and the Loop limit surface. Nothing in it moves.
+//! The contact surface, prepared once per mesh: its kind, the support of its points, the box tree that searches it, and
+//! the Loop limit surface. Nothing in it moves.
 
 pub mod geometry;
 pub mod subdivision;

@@ -5,8 +5,7 @@
 //! - (10) P v = v − g (W v)/s and (13) P̃ f = Wᵀλ with λ = Σ gᵢfᵢ / s,
 //! - (19) Q v = v − g n̂ (n̂·W v)/s and (21) Q̃ f = Wᵀ(λ·n̂)n̂.
 //!
-//! [`literal`](super::literal) builds the same operators as the paper writes them; the two are
-//! held against each other by property tests.
+//! [`literal`](crate::contact::literal) builds the operators as the paper writes them; property tests compare the two.
 
 use crate::Vec3;
 use crate::word::words;
@@ -31,11 +30,11 @@ use crate::word::words;
 /// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Metric {
-    /// The paper's. With unequal masses P can raise kinetic energy, and λ is not the Lagrange
-    /// multiplier of the constraint.
+    /// The paper's inner product. With unequal masses P can raise kinetic energy, and λ is not the Lagrange multiplier
+    /// of the constraint.
     #[default]
     Euclidean,
-    /// ⟨a, b⟩ = aᵀM b. Equal to the Euclidean one for equal masses.
+    /// ⟨a, b⟩ = aᵀM b, equivalent to the Euclidean one for equal masses.
     Mass,
 }
 
@@ -46,14 +45,14 @@ words!(Metric { Euclidean = "euclidean", Mass = "mass" });
 pub struct SupportNode {
     /// Index of the node in the arrays that the operators are applied to.
     pub slot: usize,
-    /// wᵢ.
+    /// Weight wᵢ.
     pub weight: f64,
-    /// gᵢ.
+    /// Response gᵢ.
     response: f64,
 }
 
 impl SupportNode {
-    /// gᵢ.
+    /// Returns gᵢ.
     pub fn response(&self) -> f64 {
         self.response
     }
@@ -94,7 +93,7 @@ impl SupportNode {
 /// support.project_sliding(Vec3::z(), &mut v);
 /// assert!((support.velocity(&v) - Vec3::x()).norm() < 1e-15);
 ///
-/// // What is left of node forces when the force that holds the point is taken off needs none.
+/// // With the force that holds the point subtracted, the node forces need no holding force.
 /// let mut f = [Vec3::new(0.1, 0.0, 0.4), Vec3::new(0.0, 0.2, 0.6)];
 /// support.subtract_contact_force(support.reaction(&f), &mut f);
 /// assert!(support.reaction(&f).norm() < 1e-15);
@@ -103,14 +102,14 @@ impl SupportNode {
 pub struct Support {
     nodes: Vec<SupportNode>,
     free_weight: f64,
-    /// s.
+    /// Scale s.
     scale: f64,
-    /// Σ_free w².
+    /// Sum of squared weights Σ_free w².
     square_weight: f64,
 }
 
 impl Clone for Support {
-    /// With the same room, so that a copy allocates as little as the original.
+    /// Clones with the same capacity, so that a copy allocates as little as the original.
     fn clone(&self) -> Self {
         let mut nodes = Vec::with_capacity(self.nodes.capacity());
         nodes.extend_from_slice(&self.nodes);
@@ -119,12 +118,12 @@ impl Clone for Support {
 }
 
 impl Support {
-    /// An empty support that holds this many nodes without allocating.
+    /// Returns an empty support that can hold this many nodes without allocating.
     pub fn with_capacity(nodes: usize) -> Self {
         Self { nodes: Vec::with_capacity(nodes), ..Self::default() }
     }
 
-    /// Takes the free nodes of a contact point, each as (slot, weight, inverse mass in 1/kg).
+    /// Sets the free nodes of a contact point, each as (slot, weight, inverse mass in 1/kg).
     pub fn set(&mut self, metric: Metric, free_nodes: impl IntoIterator<Item = (usize, f64, f64)>) {
         self.nodes.clear();
         self.nodes.extend(free_nodes.into_iter().map(|(slot, weight, inverse_mass)| {
@@ -139,55 +138,55 @@ impl Support {
         self.square_weight = self.nodes.iter().map(|node| node.weight * node.weight).sum();
     }
 
-    /// The free nodes.
+    /// Returns the free nodes.
     pub fn nodes(&self) -> &[SupportNode] {
         &self.nodes
     }
 
-    /// Σ_free w: 1 unless a support node is fixed or outside the patch.
+    /// Free weight Σ_free w: 1 unless a support node is fixed or outside the patch.
     pub fn free_weight(&self) -> f64 {
         self.free_weight
     }
 
-    /// s = Σ wᵢgᵢ; zero if no node of the support is free.
+    /// Scale s = Σ wᵢgᵢ; zero if no node of the support is free.
     pub fn scale(&self) -> f64 {
         self.scale
     }
 
-    /// Σ_free w²: s of the Euclidean metric, whichever metric is in use.
+    /// Sum of squared weights Σ_free w², the s of the Euclidean metric whichever metric is in use.
     pub fn square_weight(&self) -> f64 {
         self.square_weight
     }
 
-    /// W v: the contact point's velocity, exterior at rest.
+    /// Velocity of the contact point W v, m/s, with the exterior at rest.
     pub fn velocity(&self, v: &[Vec3]) -> Vec3 {
         self.nodes.iter().map(|node| v[node.slot] * node.weight).sum()
     }
 
-    /// λ of (14) per unit of free weight: the force on the instrument that holds the point, N.
-    /// The paper's sum of node forces is λ Σ_free w.
+    /// Force on the instrument that holds the point, N: λ of (14) per unit of free weight. The paper's sum of node
+    /// forces is λ Σ_free w.
     pub fn reaction(&self, f: &[Vec3]) -> Vec3 {
         self.nodes.iter().map(|node| f[node.slot] * node.response).sum::<Vec3>() / self.scale
     }
 
-    /// v ← P v (12): the contact point stops.
+    /// Stops the contact point: v ← P v (12).
     pub fn project_sticking(&self, v: &mut [Vec3]) {
         let change = self.velocity(v) / self.scale;
         self.nodes.iter().for_each(|node| v[node.slot] -= change * node.response);
     }
 
-    /// v ← Q v (20): the contact point stops along the normal.
+    /// Stops the contact point along the normal: v ← Q v (20).
     pub fn project_sliding(&self, normal: Vec3, v: &mut [Vec3]) {
         let change = normal * (normal.dot(&self.velocity(v)) / self.scale);
         self.nodes.iter().for_each(|node| v[node.slot] -= change * node.response);
     }
 
-    /// v ← v + M⁻¹Wᵀ Λ for an impulse Λ on the contact point, N·s. For the mass metric.
+    /// Applies an impulse Λ, N·s, to the contact point: v ← v + M⁻¹Wᵀ Λ. Valid for the mass metric.
     pub fn push(&self, impulse: Vec3, v: &mut [Vec3]) {
         self.nodes.iter().for_each(|node| v[node.slot] += impulse * node.response);
     }
 
-    /// f ← f − Wᵀ f̂ (25): the instrument's force on the mesh, shared out by weight.
+    /// Subtracts the instrument's force on the mesh, shared out by weight: f ← f − Wᵀ f̂ (25).
     pub fn subtract_contact_force(&self, force: Vec3, f: &mut [Vec3]) {
         self.nodes.iter().for_each(|node| f[node.slot] -= force * node.weight);
     }

@@ -1,5 +1,5 @@
-//! Boxes around the triangles of a surface, so that a search costs by its answer and not by the size
-//! of the surface.
+//! A tree of boxes around the triangles of a surface, so that the cost of a search depends on the number of triangles
+//! found and not on the size of the surface.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use super::geometry::ContactGeometry;
 use crate::Vec3;
 use crate::model::topology::Surface;
 
-/// Triangles in one leaf, at most.
+/// Largest number of triangles in one leaf.
 const LEAF: usize = 4;
 
 /// An axis-aligned box.
@@ -29,13 +29,13 @@ pub struct Aabb {
 }
 
 impl Aabb {
-    /// The box that contains nothing.
+    /// The empty box.
     pub const EMPTY: Self = Self {
         lower: Vec3::new(f64::INFINITY, f64::INFINITY, f64::INFINITY),
         upper: Vec3::new(f64::NEG_INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY),
     };
 
-    /// The smallest box around some points.
+    /// Returns the smallest box around some points.
     #[inline]
     pub fn around(points: impl IntoIterator<Item = Vec3>) -> Self {
         points.into_iter().fold(Self::EMPTY, |b, p| Self { lower: b.lower.inf(&p), upper: b.upper.sup(&p) })
@@ -45,7 +45,7 @@ impl Aabb {
         Self { lower: self.lower.inf(&other.lower), upper: self.upper.sup(&other.upper) }
     }
 
-    /// This box grown by `reach` on every side.
+    /// Returns this box grown by `reach` on every side, m.
     pub fn grown(self, reach: f64) -> Self {
         let reach = Vec3::repeat(reach);
         Self { lower: self.lower - reach, upper: self.upper + reach }
@@ -63,9 +63,9 @@ impl Aabb {
     }
 }
 
-/// A binary tree over a surface's triangles, in the order of a walk that visits a node before its
-/// children: the left child follows its parent, and `after` is where the walk goes on when a node's
-/// subtree is passed over. No stack is needed.
+/// A binary tree over a surface's triangles, in the order of a walk that visits a node before its children: the left
+/// child follows its parent, and `after` is where the walk goes on when a node's subtree is skipped. No stack is
+/// needed.
 #[derive(Debug)]
 pub struct TriangleTree {
     nodes: Vec<Node>,
@@ -76,12 +76,12 @@ pub struct TriangleTree {
 struct Node {
     after: u32,
     first: u32,
-    /// Triangles of a leaf; 0 for an inner node.
+    /// Number of triangles in a leaf; 0 for an inner node.
     count: u32,
 }
 
 impl TriangleTree {
-    /// Divides the triangles by the median of their centres, at rest, along the longest axis.
+    /// Divides the triangles at the median of their centres, at rest, along the longest axis.
     pub fn new(surface: &Surface, rest: &[Vec3]) -> Self {
         let centres: Vec<Vec3> = (0..surface.triangles.len() as u32)
             .map(|t| surface.triangle_nodes(t).iter().map(|&node| rest[node as usize]).sum())
@@ -113,8 +113,8 @@ fn divide(nodes: &mut Vec<Node>, triangles: &mut [u32], first: usize, centres: &
     nodes[at].after = nodes.len() as u32;
 }
 
-/// The tree with boxes around the triangles as they were when a local model was built. Vertices move
-/// on from there; a search allows for the furthest any of them has gone.
+/// The tree with boxes around the triangles at their positions when a local model was built. Vertices move on from
+/// there; a search allows for the largest such motion.
 ///
 /// ```
 /// use std::sync::Arc;
@@ -145,10 +145,10 @@ pub struct Boxes {
 }
 
 impl Boxes {
-    /// Boxes at the given vertex positions, around all that decides where a triangle's contact points are.
+    /// Builds boxes at the given vertex positions, around all vertices that determine a triangle's contact points.
     pub fn new(tree: Arc<TriangleTree>, surface: &Surface, geometry: &ContactGeometry, vertices: &[Vec3]) -> Self {
         let mut boxes = vec![Aabb::EMPTY; tree.nodes.len()];
-        // Children come after their parent: backwards, they are ready when it needs them.
+        // Children come after their parent, so in reverse order they are complete when the parent needs them.
         for (i, node) in tree.nodes.iter().enumerate().rev() {
             boxes[i] = if node.count == 0 {
                 boxes[i + 1].union(boxes[tree.nodes[i + 1].after as usize])
@@ -161,8 +161,8 @@ impl Boxes {
         Self { tree, boxes }
     }
 
-    /// Calls `visit` with every triangle in a leaf that `enter` lets in. `enter` is asked
-    /// for boxes on the way down, so what it closes over may narrow as triangles are visited.
+    /// Calls `visit` with every triangle in a leaf that `enter` admits. `enter` is called for boxes on the way down, so
+    /// its captured state may narrow as triangles are visited.
     pub fn search<S>(&self, search: &mut S, enter: impl Fn(&S, &Aabb) -> bool, mut visit: impl FnMut(&mut S, u32)) {
         let mut i = 0;
         while let Some(node) = self.tree.nodes.get(i) {

@@ -1,4 +1,4 @@
-//! Making results a baseline: the only way in which one comes about or changes.
+//! Acceptance of results as a baseline: the only way in which a baseline is created or changed.
 
 use std::collections::BTreeMap;
 
@@ -6,27 +6,27 @@ use miette::Diagnostic;
 use thiserror::Error;
 
 use super::baseline::{Acceptance, Baseline, BaselineError, Provenance};
-use super::compare::{Outcome, compare};
+use super::compare::{ComparisonOutcome, compare};
 use super::results::Results;
 use crate::scene::Scene;
 
 /// Why results were not accepted.
 #[derive(Debug, Error, Diagnostic)]
 pub enum AcceptError {
-    /// Nobody said why.
-    #[error("a baseline is not changed without a reason")]
-    #[diagnostic(help("say with --reason what changed the results and why that is right"))]
+    /// No reason was given.
+    #[error("a baseline cannot be changed without a reason")]
+    #[diagnostic(help("state with --reason what changed the results and why the change is right"))]
     NoReason,
-    /// The present baseline is there, but what it says would be lost.
+    /// The present baseline cannot be read, and its record would be lost.
     #[error(transparent)]
     #[diagnostic(help("restore the file, or delete it to begin with a first baseline"))]
     Baseline(BaselineError),
 }
 
-/// The baseline after `results` are accepted; `None` if nothing changes.
+/// Returns the baseline after `results` are accepted; `None` if nothing changes.
 ///
 /// # Errors
-/// Without a reason, or if the present baseline cannot be read.
+/// If no reason is given, or the present baseline cannot be read.
 ///
 /// ```
 /// use stickslip::scene::Scene;
@@ -35,7 +35,7 @@ pub enum AcceptError {
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
 /// let present = Store::Program.load(&scene.name)?;
 /// let mut results = present.results.clone();
-/// // The same results again change nothing.
+/// // Identical results change nothing.
 /// assert_eq!(accept(Store::Program.load(&scene.name), &scene, results.clone(), "try")?, None);
 /// // Others come in with a reason, and what they replace stays on record.
 /// results.counts.insert("collisions".to_owned(), 99);
@@ -62,7 +62,7 @@ pub fn accept(
         Err(error) => return Err(AcceptError::Baseline(error)),
         Ok(present) => {
             let changed = compare(&present, &provenance, &results);
-            let changed = changed.into_iter().filter(|comparison| comparison.outcome != Outcome::Identical);
+            let changed = changed.into_iter().filter(|comparison| comparison.outcome != ComparisonOutcome::Identical);
             let previous: BTreeMap<_, _> = changed.map(|c| (c.quantity, c.baseline)).collect();
             if previous.is_empty() {
                 return Ok(None);

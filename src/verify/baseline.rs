@@ -1,4 +1,4 @@
-//! Baselines: the accepted results of a scene, where they came from, and what they replaced.
+//! Baselines: the accepted results of a scene, their provenance, and the values that they replaced.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -13,31 +13,31 @@ use super::results::Results;
 use crate::output::files::{WriteError, write_json};
 use crate::scene::Scene;
 
-/// Why there is nothing to compare with.
+/// Why no baseline could be loaded.
 #[derive(Debug, Error)]
 pub enum BaselineError {
-    /// No such file, or an empty one.
+    /// The baseline's file is missing or empty.
     #[error("there is no baseline {0}")]
     Missing(PathBuf),
-    /// It cannot be read.
+    /// The file cannot be read.
     #[error("cannot read {path}: {error}")]
     Unreadable {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// Error of the operating system.
         error: io::Error,
     },
-    /// It is not a baseline.
+    /// The file's content is not a baseline.
     #[error("{path} is not a baseline: {error}")]
     Malformed {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// Error of the JSON reader.
         error: serde_json::Error,
     },
 }
 
-/// What produced some results.
+/// Provenance of results: program, scene and machine.
 ///
 /// ```
 /// use stickslip::{scene::Scene, verify::baseline::Provenance};
@@ -51,27 +51,27 @@ pub enum BaselineError {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Provenance {
-    /// Of the program.
+    /// Version of the program.
     pub version: String,
     /// SHA-256 of the scene's text, in hexadecimal.
     pub scene_sha256: String,
     /// Architecture and operating system.
     pub target: String,
-    /// Vector instructions that the compiler was free to use.
+    /// Vector instructions that the compiler was allowed to use.
     pub compiled_features: Vec<String>,
-    /// Vector instructions that the processor has.
+    /// Vector instructions that the processor supports.
     pub cpu_features: Vec<String>,
 }
 
-/// How a baseline came to be what it is.
+/// Record of one acceptance of a baseline.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Acceptance {
-    /// In the words of whoever accepted it.
+    /// Reason, in the words of the person who accepted the results.
     pub reason: String,
-    /// Of the program.
+    /// Version of the program.
     pub version: String,
-    /// The value that each changed quantity had before.
+    /// Previous value of each quantity that changed.
     pub previous: BTreeMap<String, serde_json::Value>,
 }
 
@@ -79,17 +79,17 @@ pub struct Acceptance {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Baseline {
-    /// Its name.
+    /// Name of the scene.
     pub scene: String,
-    /// Of the results.
+    /// Provenance of the results.
     pub provenance: Provenance,
-    /// Oldest first.
+    /// Acceptances, oldest first.
     pub accepted: Vec<Acceptance>,
-    /// The results.
+    /// The accepted results.
     pub results: Results,
 }
 
-/// Where baselines are.
+/// Place in which baselines are stored.
 ///
 /// ```
 /// use stickslip::verify::baseline::{BaselineError, Store};
@@ -106,15 +106,15 @@ pub struct Baseline {
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Store {
-    /// A file `<scene>.json` for each.
+    /// A folder with one file `<scene>.json` for each scene.
     Folder(PathBuf),
-    /// In the program: those of the shipped scenes.
+    /// The baselines of the shipped scenes, built into the program.
     Program,
 }
 
 macro_rules! in_program {
     ($($name:literal),* $(,)?) => {
-        /// (scene, JSON)
+        /// Pairs of scene and JSON text.
         const IN_PROGRAM: &[(&str, &str)] =
             &[$(($name, include_str!(concat!("../../fixtures/baselines/", $name, ".json")))),*];
     };
@@ -137,15 +137,15 @@ in_program! {
 }
 
 impl Store {
-    /// A scene's file in a folder of baselines.
+    /// Returns the path of a scene's file in a folder of baselines.
     pub fn path(folder: &Path, scene: &str) -> PathBuf {
         folder.join(format!("{scene}.json"))
     }
 
-    /// What is accepted for a scene.
+    /// Loads the baseline of a scene.
     ///
     /// # Errors
-    /// If nothing is.
+    /// If there is no baseline, or it cannot be read.
     pub fn load(&self, scene: &str) -> Result<Baseline, BaselineError> {
         let (path, text) = match self {
             Store::Program => {
@@ -170,10 +170,10 @@ impl Store {
 }
 
 impl Baseline {
-    /// Writes it, whole or not at all.
+    /// Writes the baseline to a folder, atomically.
     ///
     /// # Errors
-    /// If the folder cannot be written.
+    /// If the folder or the file cannot be written.
     pub fn save(&self, folder: &Path) -> Result<PathBuf, WriteError> {
         let path = Store::path(folder, &self.scene);
         let failed = |source| WriteError { path: folder.to_owned(), source };
@@ -184,9 +184,9 @@ impl Baseline {
 }
 
 impl Provenance {
-    /// Of what this program computes on this machine from a scene.
+    /// Describes this program on this machine, and a scene.
     pub fn of(scene: &Scene) -> Self {
-        // A scene that was built has no text of its own but what Rust prints of it.
+        // A scene that was built in Rust has no text, so its `Debug` output stands for it.
         let text = scene.text().map_or_else(|| format!("{scene:?}"), str::to_owned);
         let hash = Sha256::digest(text.as_bytes());
         Self {

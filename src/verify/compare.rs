@@ -1,4 +1,4 @@
-//! Results against a baseline, quantity by quantity.
+//! Comparison of results with a baseline, quantity by quantity.
 
 use std::collections::BTreeMap;
 
@@ -8,19 +8,19 @@ use serde_json::{Value, json};
 use super::baseline::{Baseline, Provenance};
 use super::results::{FORCES, KeptTick, Number, QUANTITIES, Results};
 
-/// Differences up to this share of a quantity's size are round-off. Another order of summation
+/// Largest difference, relative to a quantity's size, that counts as round-off. Another order of summation
 /// changes traces by up to 2e-13, fused multiply-adds and wider vectors by as little; a wrong term
-/// changes them by far more. The independent implementation in `reference/python` is held to the
-/// same number.
+/// changes them by far more. The independent implementation in `reference/python` is compared with the
+/// same tolerance.
 pub const SCALED_TOLERANCE: f64 = 1e-9;
 
-/// How a quantity compares.
+/// Outcome of the comparison of one quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub enum Outcome {
-    /// To the last bit.
+pub enum ComparisonOutcome {
+    /// Equal to the last bit.
     #[serde(rename = "identical")]
     Identical,
-    /// Other bits, within the tolerance.
+    /// Not equal to the last bit, but within the tolerance.
     #[serde(rename = "within tolerance")]
     Within,
     /// Less work than before.
@@ -31,31 +31,31 @@ pub enum Outcome {
     Fail,
 }
 
-/// One quantity of one scene.
+/// Comparison of one quantity of one scene with its baseline.
 #[derive(Debug, Clone, Serialize)]
 pub struct Comparison {
-    /// Its name.
+    /// Name of the quantity.
     pub quantity: String,
-    /// What was accepted. Of a trace: at the first tick beyond the tolerance, else at the largest
+    /// Accepted value. For a trace, it is the value at the first tick beyond the tolerance, or else at the largest
     /// difference.
     pub baseline: Value,
-    /// What it is now, at the same place.
+    /// Present value, at the same place.
     pub now: Value,
-    /// Between the two; null if one of them is not a finite number.
+    /// Present value minus accepted value; null if one of them is not a finite number.
     pub difference: Number,
     /// The largest difference that passes.
     pub tolerance: Number,
-    /// The first tick that was kept of the run at which the quantity is beyond its tolerance; for
-    /// what has no tick of its own, the first at which any is.
+    /// First kept tick at which the quantity is beyond its tolerance; for a quantity without ticks, the first
+    /// kept tick at which any quantity is.
     pub first_tick: Option<u64>,
-    /// The verdict.
-    pub outcome: Outcome,
+    /// Outcome of the comparison.
+    pub outcome: ComparisonOutcome,
 }
 
 impl Comparison {
     fn exact(quantity: impl Into<String>, baseline: Value, now: Value) -> Self {
         let same = baseline == now && !now.is_null();
-        let outcome = if same { Outcome::Identical } else { Outcome::Fail };
+        let outcome = if same { ComparisonOutcome::Identical } else { ComparisonOutcome::Fail };
         let difference = match (baseline.as_f64(), now.as_f64()) {
             _ if same => 0.0,
             (Some(before), Some(now)) => now - before,
@@ -77,29 +77,29 @@ impl Comparison {
         }
     }
 
-    /// Of its tolerance; 0 if that is 0.
+    /// Returns the difference over the tolerance; 0 if the tolerance is 0.
     pub fn share_of_tolerance(&self) -> f64 {
         if self.tolerance.0 > 0.0 { self.difference.0.abs() / self.tolerance.0 } else { 0.0 }
     }
 }
 
-fn judge(baseline: f64, now: f64, tolerance: f64) -> Outcome {
+fn judge(baseline: f64, now: f64, tolerance: f64) -> ComparisonOutcome {
     let difference = (now - baseline).abs();
     if difference <= tolerance {
-        if now.to_bits() == baseline.to_bits() { Outcome::Identical } else { Outcome::Within }
+        if now.to_bits() == baseline.to_bits() { ComparisonOutcome::Identical } else { ComparisonOutcome::Within }
     } else {
-        Outcome::Fail
+        ComparisonOutcome::Fail
     }
 }
 
-/// Every quantity of a scene's results beside what was accepted.
+/// Compares every quantity of a scene's results with its baseline.
 ///
 /// ```
-/// use stickslip::verify::{baseline::Store, compare::{Outcome, compare}, results::Number};
+/// use stickslip::verify::{baseline::Store, compare::{ComparisonOutcome, compare}, results::Number};
 ///
 /// let baseline = Store::Program.load("fig3-sliding")?;
 /// let mut now = baseline.results.clone();
-/// assert!(compare(&baseline, &baseline.provenance, &now).iter().all(|each| each.outcome == Outcome::Identical));
+/// assert!(compare(&baseline, &baseline.provenance, &now).iter().all(|each| each.outcome == ComparisonOutcome::Identical));
 ///
 /// // A last bit is round-off, a NaN is not.
 /// let force = now.summary["largest_force_n"].0;
@@ -107,9 +107,9 @@ fn judge(baseline: f64, now: f64, tolerance: f64) -> Outcome {
 /// now.summary.insert("stored_j".to_owned(), Number(f64::NAN));
 /// let compared = compare(&baseline, &baseline.provenance, &now);
 /// let of = |name: &str| compared.iter().find(|each| each.quantity == name).expect("it is compared");
-/// assert_eq!(of("largest_force_n").outcome, Outcome::Within);
+/// assert_eq!(of("largest_force_n").outcome, ComparisonOutcome::Within);
 /// assert!(of("largest_force_n").share_of_tolerance() < 1e-6);
-/// assert_eq!(of("stored_j").outcome, Outcome::Fail);
+/// assert_eq!(of("stored_j").outcome, ComparisonOutcome::Fail);
 /// # Ok::<(), stickslip::verify::baseline::BaselineError>(())
 /// ```
 pub fn compare(baseline: &Baseline, provenance: &Provenance, now: &Results) -> Vec<Comparison> {
@@ -131,7 +131,7 @@ pub fn compare(baseline: &Baseline, provenance: &Provenance, now: &Results) -> V
         let tolerance = SCALED_TOLERANCE * sizes.of_summary(name);
         rest.push(Comparison::number(name, value(before), value(now), tolerance));
     }
-    for comparison in rest.iter_mut().filter(|comparison| comparison.outcome == Outcome::Fail) {
+    for comparison in rest.iter_mut().filter(|comparison| comparison.outcome == ComparisonOutcome::Fail) {
         comparison.first_tick = diverged;
     }
     for (name, before, now) in joined(&before.statistics, &now.statistics) {
@@ -141,7 +141,7 @@ pub fn compare(baseline: &Baseline, provenance: &Provenance, now: &Results) -> V
             let statistic = ["min", "max", "mean", "rms"][i];
             let tolerance = SCALED_TOLERANCE * sizes.of_trace(name);
             let mut comparison = Comparison::number(format!("{name} {statistic}"), of(&before), of(&now), tolerance);
-            if comparison.outcome == Outcome::Fail {
+            if comparison.outcome == ComparisonOutcome::Fail {
                 comparison.first_tick = beyond.get(name).copied().or(diverged);
             }
             rest.push(comparison);
@@ -152,7 +152,7 @@ pub fn compare(baseline: &Baseline, provenance: &Provenance, now: &Results) -> V
         if let (Some(before), Some(now)) = (before, now)
             && now < before
         {
-            comparison.outcome = Outcome::Improved;
+            comparison.outcome = ComparisonOutcome::Improved;
         }
         rest.push(comparison);
     }
@@ -172,7 +172,7 @@ fn value(number: Option<&Number>) -> f64 {
     number.map_or(f64::NAN, |number| number.0)
 }
 
-/// Both maps' entries by name; one that is in one of them only is there too.
+/// Joins the entries of both maps by name; an entry of only one map is included.
 fn joined<'a, T>(
     a: &'a BTreeMap<String, T>,
     b: &'a BTreeMap<String, T>,
@@ -181,7 +181,7 @@ fn joined<'a, T>(
     a.keys().chain(only_b).map(|name| (name.as_str(), a.get(name), b.get(name)))
 }
 
-/// How large quantities are in a baseline: what their differences are measured by.
+/// Sizes of the quantities of a baseline, to which differences are relative.
 struct Sizes<'a> {
     results: &'a Results,
     force: f64,
@@ -198,7 +198,7 @@ impl<'a> Sizes<'a> {
         self.results.statistics.get(quantity).map_or(0.0, |s| s.min.0.abs().max(s.max.0.abs()))
     }
 
-    /// Parts of the force can vanish, so all are measured by the largest.
+    /// Returns the size of a trace's quantity. A part of the force can vanish, so all parts have that of the largest.
     fn of_trace(&self, quantity: &str) -> f64 {
         if QUANTITIES[..FORCES].contains(&quantity) { self.force } else { self.own(quantity) }
     }
@@ -214,13 +214,13 @@ impl<'a> Sizes<'a> {
     }
 }
 
-/// The thinned traces, tick by tick. Ticks that one of them lacks fail under the name "trace ticks".
+/// Compares the thinned traces tick by tick. Ticks that one of them lacks fail under the name "trace ticks".
 fn trace(before: &Results, now: &Results, sizes: &Sizes) -> Vec<Comparison> {
     let ticks = |results: &Results| results.trace.iter().map(|tick| tick.tick).collect::<Vec<_>>();
     let (ticks_before, ticks_now) = (ticks(before), ticks(now));
     let mut kept = Comparison::exact("trace ticks", json!(ticks_before.len()), json!(ticks_now.len()));
     if ticks_before != ticks_now {
-        kept.outcome = Outcome::Fail;
+        kept.outcome = ComparisonOutcome::Fail;
         let lacking = |a: &[u64], b: &[u64]| a.iter().copied().find(|tick| !b.contains(tick));
         let first = [lacking(&ticks_before, &ticks_now), lacking(&ticks_now, &ticks_before)];
         kept.first_tick = first.into_iter().flatten().min();
@@ -230,7 +230,7 @@ fn trace(before: &Results, now: &Results, sizes: &Sizes) -> Vec<Comparison> {
 
     let mut all = vec![kept];
     let mode = |tick: &KeptTick| json!(tick.mode);
-    // None is the right value of a free tick, so it must not look like a missing one.
+    // "none" is the right value of a free tick, so it must differ from a missing value.
     let triangle = |tick: &KeptTick| tick.triangle.map_or(json!("none"), |triangle| json!(triangle));
     all.push(exact_trace("trace mode", &pairs, mode));
     all.push(exact_trace("trace triangle", &pairs, triangle));
@@ -250,7 +250,7 @@ fn exact_trace(name: &str, pairs: &[(&KeptTick, &KeptTick)], of: impl Fn(&KeptTi
         return Comparison::exact(name, Value::Null, Value::Null);
     };
     let mut comparison = Comparison::exact(name, of(a), of(b));
-    if comparison.outcome == Outcome::Fail {
+    if comparison.outcome == ComparisonOutcome::Fail {
         comparison.first_tick = Some(a.tick);
     }
     comparison
@@ -261,18 +261,18 @@ fn number_trace(quantity: &str, values: impl Iterator<Item = (u64, f64, f64)>, t
     let mut worst: Option<Comparison> = None;
     for (tick, before, now) in values {
         let mut here = Comparison::number(name.as_str(), before, now, tolerance);
-        if here.outcome == Outcome::Fail {
+        if here.outcome == ComparisonOutcome::Fail {
             here.first_tick = Some(tick);
             return here;
         }
         let further = worst.as_ref().is_none_or(|worst| {
             here.difference.0.abs() > worst.difference.0.abs()
-                || (worst.outcome == Outcome::Identical && here.outcome == Outcome::Within)
+                || (worst.outcome == ComparisonOutcome::Identical && here.outcome == ComparisonOutcome::Within)
         });
         if further {
             worst = Some(here);
         }
     }
-    // Nothing to compare is no pass.
+    // A comparison of no values must not pass.
     worst.unwrap_or_else(|| Comparison::number(name, f64::NAN, f64::NAN, tolerance))
 }

@@ -1,57 +1,57 @@
-//! What missed deadlines would do to a scene: the same run in virtual time, with more and more ticks late, under every
-//! policy, held against the run in which none is.
+//! Effect of missed deadlines on a scene: the run repeated in virtual time with increasing shares of late ticks, under
+//! every policy, compared with the run without late ticks.
 
 use serde::Serialize;
 
 use crate::Vec3;
 use crate::multirate::failsafe::Fault;
-use crate::multirate::timeline::{Cost, Costs, DrawnTimes, Fate, OverrunPolicy, Timeline};
+use crate::multirate::timeline::{Cost, Costs, DeadlineOutcome, DrawnTimes, OverrunPolicy, Timeline};
 use crate::output::measures::ContactMeasures;
 use crate::pipeline::{RunError, Simulation};
 use crate::scene::Scene;
 
-/// Shares of ticks that are late.
+/// Shares of ticks that are made late.
 pub const SHARES: [f64; 3] = [0.001, 0.01, 0.1];
-/// What a late tick takes, in ticks: under [`OverrunPolicy::Skip`], two are left out for each.
+/// Duration of a late tick, in ticks: under [`OverrunPolicy::Skip`], two ticks are skipped for each.
 const LATE_TICKS: f64 = 2.5;
-/// Of the draws.
+/// Seed of the random draws of late ticks.
 const SEED: u64 = 0;
 const POLICIES: [OverrunPolicy; 3] = [OverrunPolicy::Hold, OverrunPolicy::Zero, OverrunPolicy::Skip];
 
-/// What lateness of a kind did.
+/// Result of a run with one policy and one share of late ticks.
 #[derive(Debug, Clone, Serialize)]
 pub struct Consequence {
-    /// What a missed deadline does.
+    /// Policy for missed deadlines.
     pub overrun: OverrunPolicy,
-    /// Share of ticks that are late.
+    /// Share of ticks that were made late.
     pub share: f64,
-    /// Ticks that were late, and left out.
+    /// Numbers of late ticks and of skipped ticks.
     pub missed_ticks: [u64; 2],
-    /// Root mean square of the difference of commanded forces, relative to that of the commanded force without lateness;
-    /// absent if there was a fault, or no force.
+    /// Root mean square of the difference of commanded forces, relative to that of the commanded force without
+    /// lateness; absent if there was a fault, or no force.
     pub force_error_rms_rel: Option<f64>,
     /// Largest force jump as [`ContactMeasures`] defines it, N.
     pub largest_jump_n: f64,
     /// Contact losses as [`ContactMeasures`] defines them.
     pub contact_losses: u64,
-    /// What the instrument's path took out of the commanded force, J: what a hand would have been given.
+    /// Work of the commanded force along the instrument's path, J: the energy that a hand would have received.
     pub energy_given_j: f64,
     /// The fault that ended the run, if one did.
     pub fault: Option<String>,
 }
 
-/// The run without lateness, and what lateness does to it.
+/// Results of the run without lateness and of the runs with it.
 #[derive(Debug, Clone, Serialize)]
 pub struct Consequences {
-    /// What a late tick takes, in ticks.
+    /// Duration of a late tick, in ticks.
     pub late_tick_ticks: f64,
-    /// Without lateness.
+    /// Result without lateness.
     pub on_time: Consequence,
-    /// By policy and share.
+    /// Results with lateness, by policy and share.
     pub late: Vec<Consequence>,
 }
 
-/// A run's commanded forces, and what happened.
+/// Commanded forces and contact measures of a run.
 #[derive(Default)]
 struct Run {
     forces: Vec<Vec3>,
@@ -66,14 +66,14 @@ fn run(scene: &Scene, timeline: Timeline) -> Result<Run, RunError> {
     let simulation = Simulation::prepare(scene)?.with_timeline(timeline);
     run.fault = simulation
         .run(|view| {
-            match view.fate {
-                Fate::OnTime => {}
-                Fate::Late(_) => run.missed[0] += 1,
-                Fate::Skipped => run.missed[1] += 1,
+            match view.deadline_outcome {
+                DeadlineOutcome::OnTime => {}
+                DeadlineOutcome::Late(_) => run.missed[0] += 1,
+                DeadlineOutcome::Skipped => run.missed[1] += 1,
             }
             run.contact.record(view);
             let before = run.forces.last().copied().unwrap_or_default();
-            // What was held over the tick acts on the way that the tip took in it.
+            // The force that was held over the tick acts along the tip's motion in it.
             run.energy += before.dot(&(view.tip - view.tip_before));
             run.forces.push(view.force);
         })
@@ -100,10 +100,10 @@ impl Run {
     }
 }
 
-/// What lateness does to a scene; its own costs are left out.
+/// Runs a scene with every policy and share; late ticks of the scene itself are disabled.
 ///
 /// # Errors
-/// If it cannot start.
+/// If the scene cannot start.
 ///
 /// ```
 /// use stickslip::{scene::Scene, verify::lateness::{SHARES, consequences}};
@@ -112,7 +112,7 @@ impl Run {
 /// let consequences = consequences(&scene)?;
 /// assert_eq!(consequences.on_time.force_error_rms_rel, Some(0.0));
 /// assert_eq!(consequences.late.len(), 3 * SHARES.len()); // hold, zero, skip
-/// // Where every tenth force is zero instead, the hand feels it drop.
+/// // Where every tenth force is replaced by zero, the force drops.
 /// let zero = consequences.late.iter().find(|each| each.overrun.name() == "zero" && each.share == 0.1);
 /// let zero = zero.expect("a policy that is looked at");
 /// assert!(zero.missed_ticks[0] > 0 && zero.largest_jump_n > consequences.on_time.largest_jump_n);

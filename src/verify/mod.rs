@@ -1,7 +1,7 @@
-//! Held against what was accepted before: results of a run, the baselines they are compared with,
-//! and times of two programs. And held against each other: contact surfaces and schemes, local models;
-//! extreme scenes and the outcomes expected of them; limits of steps and of virtual walls, measured and predicted;
-//! observed orders.
+//! Verification: baselines, the results of a run that are compared with them, and paired timings of two programs;
+//! comparisons of contact surfaces and schemes, of local models, and of springs with the elastic solid; extreme scenes
+//! with their expected outcomes; stability-limit time steps and limits of virtual walls, measured and predicted;
+//! observed orders; certificates of deadlines.
 
 pub mod accept;
 pub mod accuracy;

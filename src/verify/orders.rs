@@ -1,5 +1,5 @@
-//! Observed orders of convergence, and what becomes of momentum: every integrator with every scheme that it takes, on
-//! smooth motions of a small block in which nothing but the step varies.
+//! Observed orders of convergence and momentum defects: every integrator with every scheme that it takes, on smooth
+//! motions of a small block in which nothing but the step varies.
 
 use std::path::Path;
 
@@ -19,7 +19,7 @@ use crate::model::network::{Network, NetworkError};
 use crate::pipeline::{self, RunError, TickView};
 use crate::scene::{Scene, SceneError, SchemeName};
 
-/// One linear local model of the whole block, which lasts for the whole motion.
+/// A single linear local model of the whole block, kept for the whole motion.
 const SCENE: &str = r#"
 name = "orders"
 duration = 0.09
@@ -38,33 +38,33 @@ surface = "subdivision"
 [instrument]
 waypoints = [[0.0, -0.01, 0.0013, 1.0], [1.0, -0.01, 0.0013, 1.0]]
 "#;
-/// Divisors of the 1 ms tick. A line is laid through what each run differs by from the next, C hᵖ(1 − 2⁻ᵖ), which has the
-/// slope of the errors themselves, and takes no reference of much shorter steps.
+/// Divisors of the 1 ms tick. The line is fitted to the differences between successive runs, C hᵖ(1 − 2⁻ᵖ), which have
+/// the slope of the errors themselves, so that no reference run with much shorter steps is needed.
 const DIVISORS: [u32; 5] = [2, 4, 8, 16, 32];
 const DIFFERENCES: usize = DIVISORS.len() - 1;
-/// Free motions are those of a block that begins to sag, m/s².
+/// Gravity of the free motions, in which the block begins to sag, m/s².
 const GRAVITY: f64 = 9.81;
-/// Relative differences below are rounding.
+/// Relative differences below this are rounding.
 const EXACT_BELOW: f64 = 1e-10;
 
-/// What the block does.
+/// Motion of the block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Motion {
-    /// It sags.
+    /// The block sags without a contact.
     Free,
-    /// A tip presses it and slides.
+    /// A tip presses the block and slides on it.
     Sliding,
-    /// A tip presses it and drags it along.
+    /// A tip presses the block and drags it along.
     Sticking,
-    /// The same without dampers.
+    /// A tip presses and drags the block, which has no dampers.
     StickingUndamped,
 }
 
 impl Motion {
-    /// All.
+    /// All motions.
     pub const ALL: [Self; 4] = [Self::Free, Self::Sliding, Self::Sticking, Self::StickingUndamped];
 
-    /// For people.
+    /// Returns the name as it is printed.
     pub fn name(self) -> &'static str {
         match self {
             Motion::Free => "none",
@@ -75,7 +75,7 @@ impl Motion {
     }
 }
 
-/// What is observed.
+/// Case whose order is observed.
 ///
 /// ```
 /// use stickslip::verify::orders::{Case, Motion};
@@ -87,14 +87,14 @@ impl Motion {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Case {
-    /// The local model.
+    /// The local model, by integrator, scheme and motion.
     Local(LocalIntegrator, Scheme, Motion),
     /// The whole network, which sags.
     Global(GlobalIntegrator),
 }
 
 impl Case {
-    /// Every integrator with every scheme it takes, in every motion. Without a contact there is no scheme to vary.
+    /// Returns every integrator with every scheme it takes, in every motion. Without a contact no scheme is varied.
     pub fn all() -> Vec<Self> {
         let mut cases = Vec::new();
         for integrator in LocalIntegrator::ALL {
@@ -112,16 +112,16 @@ impl Case {
     }
 }
 
-/// Why an order was not observed.
+/// Why an order could not be observed.
 #[derive(Debug, Error)]
 pub enum OrderError {
-    /// The block.
+    /// The block's scene is invalid.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// Its springs and masses.
+    /// The block's springs or masses are invalid.
     #[error(transparent)]
     Network(#[from] NetworkError),
-    /// The tip's way.
+    /// The tip's path is invalid.
     #[error(transparent)]
     Path(#[from] PathError),
     /// A run ended early.
@@ -129,25 +129,25 @@ pub enum OrderError {
     Run(#[from] RunError),
 }
 
-/// A row of the table.
+/// Row of the table of orders.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ObservedOrder {
-    /// Its name in scenes; of the local model, or with "global" before it.
+    /// Name of the local model's integrator as in scenes; preceded by "global" for the network's.
     pub integrator: String,
     /// "geometric" or "velocity"; none without a contact.
     pub scheme: Option<&'static str>,
     /// "sliding", "sticking", "sticking, undamped" or "none".
     pub law: &'static str,
-    /// Of the positions at the end in the step, by a least-squares line through the logarithms of what they change by where
-    /// the step is halved, four times; none where that is rounding alone.
+    /// Order in which the positions at the end converge with the step: slope of a least-squares line through the
+    /// logarithms of their changes as the step is halved four times; none where the changes are rounding alone.
     pub order: Option<f64>,
-    /// The largest distance of the logarithm of a change from that line.
+    /// Largest distance of the logarithm of a change from that line.
     pub residual: Option<f64>,
-    /// Of a loose block in the same contact: see [`momentum_defect`]. None without a contact.
+    /// Momentum defect of a loose block in the same contact ([`momentum_defect`]); none without a contact.
     pub momentum_defect: Option<f64>,
 }
 
-/// The observed order of a case, and its momentum defect.
+/// Observes the order of a case, and its momentum defect.
 ///
 /// # Errors
 /// If a run ends early.
@@ -175,7 +175,7 @@ pub fn observe(case: Case) -> Result<ObservedOrder, OrderError> {
         *difference = distance(&coarser, &finer) / moved;
         coarser = finer;
     }
-    // Written so that NaN is no exact result: its order is NaN, which is near none.
+    // Negated, so that NaN does not pass for an exact result: its order is NaN, which fails every comparison.
     let line = (!(differences[0] <= EXACT_BELOW)).then(|| line(differences));
     let (order, residual) = line.unzip();
     let (integrator, scheme, law) = match case {
@@ -193,8 +193,8 @@ pub fn observe(case: Case) -> Result<ObservedOrder, OrderError> {
     Ok(ObservedOrder { integrator, scheme, law, order, residual, momentum_defect })
 }
 
-/// Largest |Σ m v − impulse of the tip| over the largest |Σ m v|, at the ends of ticks, of a scene in which nothing else
-/// exerts a force from outside. Not a number if nothing moves.
+/// Returns the largest |Σ m v − impulse of the tip| over the largest |Σ m v|, at the ends of ticks, for a scene without
+/// any other external force. NaN if nothing moves.
 ///
 /// # Errors
 /// If the run ends early.
@@ -224,8 +224,8 @@ pub fn momentum_defect(scene: &Scene) -> Result<f64, RunError> {
     Ok(defect / largest)
 }
 
-/// Slope of the least-squares line through the logarithms of differences from [`DIVISORS`] on, and the largest distance
-/// from it.
+/// Fits a least-squares line through the logarithms of differences from [`DIVISORS`] on, and returns its slope and the
+/// largest distance from it.
 fn line(differences: [f64; DIFFERENCES]) -> (f64, f64) {
     let points = DIVISORS.iter().zip(differences).map(|(divisor, size)| (-f64::from(*divisor).ln(), size.ln()));
     let points: Vec<(f64, f64)> = points.collect();
@@ -241,7 +241,7 @@ fn distance(a: &[Vec3], b: &[Vec3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).norm_squared()).sum::<f64>().sqrt()
 }
 
-/// The block in a motion, at the tick over `divisor`.
+/// Builds the scene of the block in a motion, with the tick divided by `divisor`.
 fn scene(integrator: LocalIntegrator, scheme: Scheme, motion: Motion, divisor: u32) -> Result<Scene, OrderError> {
     let mut scene = Scene::parse(SCENE, Path::new("orders"))?;
     (scene.integrator, scene.contact.scheme) = (integrator, scheme);
@@ -262,7 +262,7 @@ fn scene(integrator: LocalIntegrator, scheme: Scheme, motion: Motion, divisor: u
     Ok(scene)
 }
 
-/// The same block without anything that holds it, of unequal masses.
+/// Builds the scene of the same block without fixed nodes, with unequal masses.
 fn loose(integrator: LocalIntegrator, scheme: Scheme, motion: Motion) -> Result<Scene, OrderError> {
     let mut scene = scene(integrator, scheme, motion, 1)?;
     scene.fixed.fill(false);
@@ -270,8 +270,8 @@ fn loose(integrator: LocalIntegrator, scheme: Scheme, motion: Motion) -> Result<
     Ok(scene)
 }
 
-/// 3 mm down and 4 mm along x from a tip at rest on the surface, with two continuous derivatives: a waypoint at
-/// every end of the shortest tick.
+/// Builds a path 3 mm down and 4 mm along x from a tip at rest on the surface, with two continuous derivatives and a
+/// waypoint at every end of the shortest tick.
 fn smooth_path() -> Result<TipPath, PathError> {
     let blend = |t: f64| {
         let t = t.clamp(0.0, 1.0);
@@ -286,7 +286,7 @@ fn smooth_path() -> Result<TipPath, PathError> {
     TipPath::new((0..=100 * shortest).map(at).collect())
 }
 
-/// Positions at the start and at the end.
+/// Returns positions at the start and at the end.
 fn local_positions(
     integrator: LocalIntegrator,
     scheme: Scheme,
@@ -300,7 +300,7 @@ fn local_positions(
             end.clone_from(&view.local.state().x);
         }
     })?;
-    // All nodes that are not fixed, in ascending order, and then the fixed ones.
+    // All free nodes in ascending order, then the fixed ones.
     let mesh = scene.mesh.mesh().nodes;
     let nodes = |fixed: bool| mesh.iter().zip(&scene.fixed).filter(move |(_, is)| **is == fixed).map(|(x, _)| *x);
     Ok((nodes(false).chain(nodes(true)).collect(), end))

@@ -1,18 +1,18 @@
-//! Times of two programs that take turns: the median of their ratios and what is known of it.
+//! Paired timings of two programs that take turns: the median of their ratios with a confidence interval.
 
 use serde::Serialize;
 
-/// An interval has to cover the median with at least this probability.
+/// Least probability with which an interval covers the median.
 const CONFIDENCE: f64 = 0.95;
 
-/// Fewer pairs cannot give an interval of that confidence: of 5, even the whole range covers the
-/// median with 0.9375 only.
+/// Least number of pairs. Fewer cannot give an interval of that confidence: even the whole range of five pairs
+/// covers the median with a probability of only 0.9375.
 pub const FEWEST_PAIRS: usize = 6;
 
-/// More are of no use, and 2⁻ⁿ still is a normal number.
+/// Largest number of pairs. More add nothing, and at this number 2⁻ⁿ is still a normal number.
 pub const MOST_PAIRS: usize = 1000;
 
-/// The median of a population, from a sample of it.
+/// Median of a population with a confidence interval, from a sample.
 ///
 /// ```
 /// use stickslip::verify::paired::Median;
@@ -27,20 +27,20 @@ pub const MOST_PAIRS: usize = 1000;
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Median {
-    /// Of the sample.
+    /// Median of the sample.
     pub median: f64,
-    /// The population's is at least this,
+    /// Lower end of the confidence interval of the population's median.
     pub lower: f64,
-    /// and at most this,
+    /// Upper end of that interval.
     pub upper: f64,
-    /// with this probability.
+    /// Probability that the interval covers the population's median.
     pub confidence: f64,
 }
 
 impl Median {
-    /// By order statistics, whatever the distribution: each value is above the median with
-    /// probability ½, so how many are is binomial. `None` for fewer than [`FEWEST_PAIRS`] values,
-    /// more than [`MOST_PAIRS`], or one that is not finite.
+    /// Estimates the median by order statistics, whatever the distribution: each value is above the median with
+    /// probability ½, so the number of values above it is binomial. `None` for fewer than [`FEWEST_PAIRS`] values,
+    /// more than [`MOST_PAIRS`], or a value that is not finite.
     ///
     /// ```
     /// use stickslip::verify::paired::Median;
@@ -71,12 +71,12 @@ impl Median {
         Some(Self { median: middle, lower: sorted[left], upper: sorted[n - 1 - left], confidence: 1.0 - 2.0 * tail })
     }
 
-    /// How far from 1 the interval of a ratio reaches.
+    /// Returns the largest distance from 1 of the interval of a ratio.
     pub fn reach(&self) -> f64 {
         (self.lower - 1.0).abs().max((self.upper - 1.0).abs())
     }
 
-    /// Whether 1 is in the interval of a ratio.
+    /// Returns whether the interval of a ratio contains 1.
     pub fn covers_one(&self) -> bool {
         self.lower <= 1.0 && self.upper >= 1.0
     }

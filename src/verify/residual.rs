@@ -1,6 +1,6 @@
-//! The largest of some residuals, which a NaN among them becomes: folded by [`f64::max`] it would be lost, and pass.
+//! Maxima of residuals that keep NaN: [`f64::max`] would drop it, and the check would pass.
 
-/// The larger of two numbers; NaN if one of them is.
+/// Returns the larger of two numbers; NaN if one of them is.
 ///
 /// ```
 /// use stickslip::verify::residual::larger;
@@ -12,7 +12,7 @@ pub fn larger(a: f64, b: f64) -> f64 {
     if b <= a || a.is_nan() { a } else { b }
 }
 
-/// The largest of some numbers that are not negative; 0 of none, NaN if one of them is.
+/// Returns the largest of some non-negative numbers; 0 if there are none, NaN if one of them is.
 ///
 /// ```
 /// use stickslip::verify::residual::largest;

@@ -1,19 +1,19 @@
-//! What a baseline keeps of a run: statistics of its trace, a thinned trace, its summary, its work.
+//! Results of a run that a baseline keeps: statistics of the trace, a thinned trace, the summary, counts of work.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::value::RawValue;
 
-use crate::multirate::failsafe::{Cause, Fault};
+use crate::multirate::failsafe::{Fault, FaultCause};
 use crate::output::summary::{Recorder, Summary};
 use crate::pipeline::{Simulation, TickView};
 use crate::scene::{Scene, SceneError};
 
-/// Every so many ticks, one is kept.
+/// Interval of the ticks that are kept.
 pub const KEEP_EVERY: u64 = 20;
 
-/// The quantities of a trace that are kept and compared, in the order of [`KeptTick::values`].
+/// Quantities of a trace that are kept and compared, in the order of [`KeptTick::values`].
 pub const QUANTITIES: [&str; 12] = [
     "fx",
     "fy",
@@ -29,7 +29,7 @@ pub const QUANTITIES: [&str; 12] = [
     "model_age",
 ];
 
-/// The first so many of [`QUANTITIES`] are parts of the force.
+/// Number of leading [`QUANTITIES`] that are components of the force.
 pub const FORCES: usize = 5;
 
 /// A number that JSON writes as `null` where it is not finite.
@@ -58,25 +58,25 @@ impl<'de> Deserialize<'de> for Number {
     }
 }
 
-/// One quantity over a run.
+/// Statistics of one quantity over a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Statistics {
-    /// Smallest.
+    /// Smallest value.
     pub min: Number,
-    /// Largest.
+    /// Largest value.
     pub max: Number,
-    /// Mean.
+    /// Mean value.
     pub mean: Number,
     /// Root mean square.
     pub rms: Number,
 }
 
 impl Statistics {
-    /// Not a number, if one of the values is not.
+    /// Computes the statistics of some values; NaN if one of the values is.
     fn of(values: impl Iterator<Item = f64> + Clone) -> Self {
         let n = values.clone().count() as f64;
-        // f64::min and max pass over NaN; the sums do not.
+        // f64::min and max skip NaN; the sums do not.
         let sum: f64 = values.clone().sum();
         let square: f64 = values.clone().map(|value| value * value).sum();
         let extreme = |pick: fn(f64, f64) -> f64| {
@@ -86,7 +86,7 @@ impl Statistics {
         Self { min: extreme(f64::min), max: extreme(f64::max), mean: Number(sum / n), rms: Number((square / n).sqrt()) }
     }
 
-    /// Each with its name.
+    /// Returns each statistic with its name.
     pub fn named(&self) -> [(&'static str, f64); 4] {
         [("min", self.min.0), ("max", self.max.0), ("mean", self.mean.0), ("rms", self.rms.0)]
     }
@@ -96,17 +96,17 @@ impl Statistics {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KeptTick {
-    /// Counted from 0.
+    /// Number of the tick, counted from 0.
     pub tick: u64,
-    /// What the contact did.
+    /// Contact mode.
     pub mode: String,
-    /// Where; none when free.
+    /// Triangle in contact; none when free.
     pub triangle: Option<u32>,
-    /// One of each of [`QUANTITIES`], every bit.
+    /// Values of [`QUANTITIES`], to the last bit.
     pub values: Vec<Number>,
 }
 
-/// What a run came to.
+/// Results of a run.
 ///
 /// ```
 /// use stickslip::{scene::Scene, verify::results::Results};
@@ -127,17 +127,17 @@ pub struct KeptTick {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Results {
-    /// Tick of the fault that ended it, if one did.
+    /// Tick of the fault that ended the run, if one did.
     pub fault_tick: Option<u64>,
-    /// What was wrong.
+    /// Cause of the fault.
     pub fault: Option<String>,
-    /// Whole numbers of the summary, ticks per mode among them.
+    /// Integers of the summary, among them the ticks per mode.
     pub counts: BTreeMap<String, u64>,
-    /// What was computed.
+    /// Counts of computed work.
     pub work: BTreeMap<String, u64>,
-    /// Numbers of the summary.
+    /// Real numbers of the summary.
     pub summary: BTreeMap<String, Number>,
-    /// By quantity.
+    /// Statistics of each quantity.
     pub statistics: BTreeMap<String, Statistics>,
     /// Names of the values in a tick of the trace.
     pub quantities: Vec<String>,
@@ -146,7 +146,7 @@ pub struct Results {
     pub trace: Vec<KeptTick>,
 }
 
-/// A tick to a line, also where everything around it is indented.
+/// Writes one tick a line, even where the surrounding JSON is indented.
 fn line_by_line<S: Serializer>(trace: &[KeptTick], serializer: S) -> Result<S::Ok, S::Error> {
     let line = |tick| serde_json::to_string(tick).and_then(RawValue::from_string);
     let lines: Vec<_> = trace.iter().map(line).collect::<Result<_, _>>().map_err(serde::ser::Error::custom)?;
@@ -154,7 +154,7 @@ fn line_by_line<S: Serializer>(trace: &[KeptTick], serializer: S) -> Result<S::O
 }
 
 impl Results {
-    /// Runs a scene. A fault is a result like any other. `progress` is called with the number of
+    /// Runs a scene and keeps its results. A fault is a result like any other. `progress` is called with the number of
     /// ticks done.
     ///
     /// # Errors
@@ -202,7 +202,7 @@ impl Results {
         })
     }
 
-    /// The name of the first value that is not finite, and its tick if it is of the trace.
+    /// Returns the name of the first value that is not finite, with its tick if it belongs to the trace.
     pub fn not_finite(&self) -> Option<(String, Option<u64>)> {
         for tick in &self.trace {
             if let Some(i) = tick.values.iter().position(|value| !value.0.is_finite()) {
@@ -235,15 +235,17 @@ fn values(view: &TickView) -> [f64; QUANTITIES.len()] {
     ]
 }
 
-/// What kind of fault; its numbers, of a state that runs away, say less than its tick.
+/// Returns the kind of a fault. Its numbers describe a diverged state and are less informative than its tick.
 fn cause(fault: &Fault) -> &'static str {
     match fault.cause {
-        Cause::ForceNotFinite => "the contact force is not finite",
-        Cause::StateNotFinite { .. } => "the state is not finite",
-        Cause::NoModel(_) => "no local model could be built",
-        Cause::Renderer(_) => "the renderer failed",
-        Cause::Instrument(_) | Cause::Device(_) => "the instrument left the range in which it can be simulated",
-        Cause::Runaway { .. } => "a node ran away",
+        FaultCause::ForceNotFinite => "the contact force is not finite",
+        FaultCause::StateNotFinite { .. } => "the state is not finite",
+        FaultCause::NoModel(_) => "no local model could be built",
+        FaultCause::Renderer(_) => "the renderer failed",
+        FaultCause::Instrument(_) | FaultCause::Device(_) => {
+            "the instrument left the range in which it can be simulated"
+        }
+        FaultCause::Runaway { .. } => "a node ran away",
     }
 }
 

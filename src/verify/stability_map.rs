@@ -1,5 +1,5 @@
-//! How long a step of the linear local model may be: measured on the running model by bisection, and
-//! predicted as the step at which the spectral radius of its one-step matrix reaches 1, or the contact finds no hold.
+//! Stability-limit time step of the linear local model: measured on the running model by bisection, and
+//! predicted as the step at which the spectral radius of its one-step matrix reaches 1, or the contact cannot be held.
 
 mod subject;
 
@@ -16,24 +16,24 @@ use crate::model::network::NetworkError;
 use crate::model::springs::TangentKind;
 use crate::scene::{Scene, SchemeName};
 
-/// Steps that are tried, s.
+/// Range of steps that are tried, s.
 const SHORTEST: f64 = 1e-9;
 const LONGEST: f64 = 10.0;
-/// Factor between steps that are looked at for the first that is unstable. Stable and unstable steps alternate
-/// where exact ticks hold a point; a range of unstable ones that is narrower may be missed.
+/// Factor between the steps of the search for the first unstable one. Stable and unstable steps alternate
+/// where exact ticks hold a point; a narrower range of unstable steps may be missed.
 const LOOKS: f64 = 1.5;
-/// The boundary is known to this, relative.
+/// Relative resolution of the boundary.
 const RESOLUTION: f64 = 7e-4;
-/// Measured over predicted, minus one.
+/// Largest relative difference of the measured from the predicted boundary.
 pub const TOLERANCE: f64 = 0.02;
-/// Exteriors that a model may have, with their names in scenes. A drifting one adds a force that grows with
-/// time to the K and D of a fixed one, so that its boundary is the same.
+/// Exteriors that are compared, with their names in scenes. A drifting one adds a force that grows with
+/// time to the K and D of a fixed one, so that its boundary is identical.
 pub const EXTERIORS: [(&str, ExteriorKind); 2] = [
     ("fixed", ExteriorKind::Fixed),
     ("condensed", ExteriorKind::Condensed(Condensation { tangent: TangentKind::Exact, reach: Reach::All })),
 ];
 
-/// What is varied; the rest is the scene's.
+/// Varied parameter; all others are the scene's.
 ///
 /// ```
 /// use stickslip::verify::stability_map::{Axis, EXTERIORS, points};
@@ -45,19 +45,19 @@ pub const EXTERIORS: [(&str, ExteriorKind); 2] = [
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Axis {
-    /// k of every spring, N/m.
+    /// Stiffness k of every spring, N/m.
     Stiffness,
-    /// How much lighter than it was the node is that carries most of the contact point.
+    /// Factor by which the node that carries most of the contact point is made lighter.
     MassRatio,
-    /// ζ = cω_max/2k of the free patch with a fixed exterior.
+    /// Damping ratio ζ = cω_max/2k of the free patch with a fixed exterior.
     DampingRatio,
 }
 
 impl Axis {
-    /// All.
+    /// All parameters.
     pub const ALL: [Self; 3] = [Self::Stiffness, Self::MassRatio, Self::DampingRatio];
 
-    /// For people.
+    /// Returns the name as it is printed.
     pub fn name(self) -> &'static str {
         match self {
             Axis::Stiffness => "stiffness (N/m)",
@@ -66,7 +66,7 @@ impl Axis {
         }
     }
 
-    /// Where it is measured.
+    /// Returns the values at which boundaries are measured.
     pub fn values(self) -> &'static [f64] {
         match self {
             Axis::Stiffness => &[1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8],
@@ -76,20 +76,20 @@ impl Axis {
     }
 }
 
-/// A point of a map, measured free and held.
+/// Point of a map, at which the boundary is measured free and held.
 #[derive(Debug, Clone, Copy)]
 pub struct MapPoint {
-    /// Of the local model.
+    /// Integrator of the local model.
     pub integrator: LocalIntegrator,
-    /// Of the local model.
+    /// Exterior of the local model, with its name in scenes.
     pub exterior: (&'static str, ExteriorKind),
-    /// What is varied.
+    /// Varied parameter.
     pub axis: Axis,
-    /// To this.
+    /// Value of the varied parameter.
     pub value: f64,
 }
 
-/// Every point of every map.
+/// Returns every point of every map.
 pub fn points() -> Vec<MapPoint> {
     let mut points = Vec::new();
     for integrator in LocalIntegrator::ALL {
@@ -106,63 +106,63 @@ pub fn points() -> Vec<MapPoint> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Touching {
-    /// No contact.
+    /// The patch has no contact.
     Free,
-    /// A tip that stands still holds its point.
+    /// A tip that stands still holds a point of the patch.
     Held,
 }
 
-/// A boundary, predicted and measured.
+/// Predicted and measured boundary.
 #[derive(Debug, Clone, Serialize)]
 pub struct Boundary {
-    /// Of the local model.
+    /// Integrator of the local model.
     pub integrator: &'static str,
-    /// `geometric` or `velocity`; the scene's where the integrator takes it.
+    /// `geometric` or `velocity`: the scene's scheme where the integrator takes it.
     pub scheme: &'static str,
-    /// Of the local model.
+    /// Exterior of the local model.
     pub exterior: &'static str,
     /// Whether the patch is touched.
     pub touching: Touching,
-    /// What is varied.
+    /// Varied parameter.
     pub axis: Axis,
-    /// To this.
+    /// Value of the varied parameter.
     pub value: f64,
-    /// s; 0 where no step is stable, none where all are.
+    /// Predicted stability-limit time step, s; 0 where no step is stable, none where all are.
     pub predicted_s: Option<f64>,
-    /// s; likewise.
+    /// Measured stability-limit time step, s; 0 where no step is stable, none where all are.
     pub measured_s: Option<f64>,
-    /// Measured over predicted; 1 where neither has a limit.
+    /// Measured over predicted step; 1 where neither has a limit.
     pub ratio: f64,
-    /// Whether that is 1 within [`TOLERANCE`].
+    /// Whether the ratio is 1 within [`TOLERANCE`].
     pub agrees: bool,
-    /// Why it does not agree, where that is known.
+    /// Reason for a disagreement, where it is known.
     pub reason: Option<String>,
 }
 
-/// Why a scene has no maps.
+/// Why maps cannot be made of a scene.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum MapError {
     /// The surface cannot be built.
     #[error("the mesh has no surface that can be touched")]
     NoSurface,
-    /// Rigid contact.
-    #[error("below the tip's first place the patch carries {free_weight:.2} of the contact point, less than half")]
+    /// The contact is rigid: the patch carries less than half of the contact point.
+    #[error("below the tip's first position the patch carries {free_weight:.2} of the contact point, less than half")]
     Rigid {
-        /// Σ_free w.
+        /// Weight of the contact point on free nodes, Σ_free w.
         free_weight: f64,
     },
     /// K is singular.
     #[error("the patch can move without a force: nothing holds it against the tip")]
     NotHeld,
-    /// The network.
+    /// The network cannot be built.
     #[error(transparent)]
     Network(#[from] NetworkError),
-    /// The local model.
+    /// The local model cannot be built.
     #[error(transparent)]
     Model(#[from] ModelError),
 }
 
-/// The boundary at a point of a map, free and held.
+/// Predicts and measures the boundary at a point of a map, free and held.
 ///
 /// # Errors
 /// If the scene's tip does not start above a patch that can be pressed.
@@ -183,7 +183,7 @@ pub enum MapError {
 /// ```
 pub fn boundaries(scene: &Scene, point: &MapPoint) -> Result<[Boundary; 2], MapError> {
     let model = Subject::new(scene, point)?;
-    // The fastest undamped mode turns by less than a radian: half the limit of an explicit step.
+    // In this step the fastest undamped mode turns by at most one radian: half the limit of an explicit step.
     let first = (1.0 / model.stiffness.norm().sqrt()).clamp(SHORTEST, LONGEST);
     Ok([Touching::Free, Touching::Held].map(|touching| {
         let predicted_s = longest_stable(first, |h| model.spectral_radius(touching, h) <= 1.0 + ON_THE_CIRCLE);
@@ -213,8 +213,8 @@ pub fn boundaries(scene: &Scene, point: &MapPoint) -> Result<[Boundary; 2], MapE
     }))
 }
 
-/// The step up to which all are `stable`: 0 if none is, `None` if all are. Looked for upwards from `first` in steps of
-/// [`LOOKS`], since longer steps may be stable again, and then by bisection of the logarithm.
+/// Returns the step up to which all are `stable`: 0 if none is, `None` if all are. It is sought upwards from `first` by
+/// factors of [`LOOKS`], since longer steps may be stable again, and then by bisection of the logarithm.
 fn longest_stable(first: f64, mut stable: impl FnMut(f64) -> bool) -> Option<f64> {
     let mut looks = std::iter::successors(Some(first), |h| (*h < LONGEST).then_some((h * LOOKS).min(LONGEST)));
     let above = looks.find(|&h| !stable(h))?;
@@ -226,7 +226,7 @@ fn longest_stable(first: f64, mut stable: impl FnMut(f64) -> bool) -> Option<f64
     Some(if range[0] > SHORTEST.ln() { (0.5 * (range[0] + range[1])).exp() } else { 0.0 })
 }
 
-/// The scene's scheme, or the velocity scheme where the integrator takes no other.
+/// Returns the scene's scheme, or the velocity scheme where the integrator takes no other.
 fn scheme(scene: &Scene, integrator: LocalIntegrator) -> Scheme {
     match integrator {
         LocalIntegrator::SemiImplicitEuler => scene.contact.scheme,

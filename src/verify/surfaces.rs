@@ -1,5 +1,5 @@
-//! What the choice of contact surface and scheme does to the force: one drag, run over every
-//! combination with the whole network at the haptic rate, so that nothing but the contact differs.
+//! Effect of contact surface and scheme on the force: one drag, run with every combination
+//! and the whole network at the haptic rate, so that nothing but the contact differs.
 
 use serde::Serialize;
 
@@ -7,7 +7,7 @@ use crate::Vec3;
 use crate::contact::law::Law;
 use crate::contact::rules::{Deformation, Scheme};
 use crate::model::mesh::Block;
-use crate::multirate::energy::EnergyBook;
+use crate::multirate::energy::EnergyBalance;
 use crate::output::measures::ContactMeasures;
 use crate::output::spectrum::power_above;
 use crate::pipeline::{self, RunError};
@@ -15,29 +15,29 @@ use crate::scene::{MeshSource, Scene};
 use crate::surface::geometry::ContactSurface;
 use crate::surface::support::Metric;
 
-/// The drags that are compared: 6 mm deep, one for each law.
+/// Drags that are compared: 6 mm deep, one for each law.
 pub const DRAGS: [&str; 3] = ["deep-sliding", "deep-sticking", "deep-stick-slip"];
-/// Every contact surface with its name in scenes.
+/// Contact surfaces, each with its name in scenes.
 pub const SURFACES: [(&str, ContactSurface); 3] = [
     ("faceted", ContactSurface::Faceted),
     ("shaded", ContactSurface::Shaded),
     ("subdivision", ContactSurface::Subdivision),
 ];
-/// Both schemes with their names in scenes; the geometric one with its smallest deformation.
+/// Contact schemes, each with its name in scenes; the geometric one with its smallest deformation.
 pub const SCHEMES: [(&str, Scheme); 2] = [
     ("geometric", Scheme::Geometric { deformation: Deformation::LeastNorm, metric: Metric::Euclidean }),
     ("velocity", Scheme::Velocity),
 ];
 
-/// The press ends with a jump of the tip's velocity at 0.2 s. What that excites is over by now, s.
+/// Begin of the evaluation, s. The press ends at 0.2 s with a jump of the tip's velocity, which has decayed by then.
 const SETTLED_S: f64 = 0.25;
-/// Frequencies above this count as ripple, Hz.
+/// Lower limit of the frequencies that count as ripple, Hz.
 const RIPPLE_HZ: f64 = 100.0;
 
-/// One combination.
+/// Combination of a drag, a surface and a scheme.
 #[derive(Debug, Clone)]
 pub struct Combination {
-    /// The drag.
+    /// Name of the drag.
     pub drag: &'static str,
     /// Name of the surface.
     pub surface: &'static str,
@@ -45,36 +45,36 @@ pub struct Combination {
     pub scheme: &'static str,
     /// Edge of the mesh, m.
     pub spacing_m: f64,
-    /// What to run.
+    /// Scene to run.
     pub scene: Scene,
 }
 
-/// What a hand would feel of it from the end of the press on, and the energy book of the whole run.
+/// Force measures from the end of the press on, and the energy balance of the whole run.
 #[derive(Debug, Clone, Serialize)]
-pub struct Felt {
-    /// Why it ended early, if it did.
+pub struct SurfaceMeasures {
+    /// Fault that ended the run early, if one did.
     pub fault: Option<String>,
     /// Mean magnitude of the force, N.
     pub mean_force_n: f64,
     /// Largest force jump as [`ContactMeasures`] defines it, N.
     pub largest_jump_n: f64,
-    /// The same over the mean force.
+    /// Largest force jump over the mean force.
     pub jump_relative: f64,
     /// Mean square of the force above 100 Hz, N².
     pub power_above_100_hz_n2: f64,
-    /// Amplitude of the force, over its mean, at the frequency at which the tip passes over edges; absent
-    /// for a tip that holds its point.
+    /// Amplitude of the force, over its mean, at the frequency at which the tip passes edges; absent
+    /// for a sticking tip.
     pub mesh_ripple_relative: Option<f64>,
     /// Contact losses as [`ContactMeasures`] defines them.
     pub contact_losses: u64,
-    /// Changes of mode.
+    /// Changes of contact mode per second.
     pub mode_switches_per_s: f64,
-    /// Residual of the energy book over the total |work|.
+    /// Residual of the energy balance over the total |work|.
     pub energy_residual_relative: f64,
 }
 
-/// Every combination over one mesh. `refinement` divides the drag's block further, with the same material:
-/// stiffness as the spacing, masses as its cube, and the damping ratio kept.
+/// Returns every combination over one mesh. `refinement` divides the drag's block further, with the same material:
+/// stiffness proportional to the spacing, masses to its cube, and an unchanged damping ratio.
 ///
 /// ```
 /// use stickslip::verify::surfaces::{DRAGS, SCHEMES, SURFACES, grid};
@@ -103,7 +103,7 @@ pub fn grid(refinement: usize) -> Vec<Combination> {
     grid
 }
 
-/// The same drag with the whole network at the haptic rate, over another surface with another scheme.
+/// Returns the drag with the whole network at the haptic rate, over another surface with another scheme.
 ///
 /// ```
 /// use stickslip::{contact::rules::Scheme, surface::geometry::ContactSurface};
@@ -137,30 +137,30 @@ fn refine(scene: &mut Scene, refinement: usize) {
     material.damping /= factor * factor;
 }
 
-/// Runs a scene. `progress` is called with the number of ticks done.
+/// Runs a scene and measures its force. `progress` is called with the number of ticks done.
 ///
 /// # Errors
-/// If the scene cannot start. A fault is part of the answer.
+/// If the scene cannot start. A fault is part of the result.
 ///
 /// ```
-/// use stickslip::{scene::Scene, verify::surfaces::feel};
+/// use stickslip::{scene::Scene, verify::surfaces::measure};
 ///
-/// let felt = |name| {
+/// let measures = |name| {
 ///     let scene = Scene::shipped(name).expect("shipped with the program");
 ///     let mut done = 0;
-///     let felt = feel(&scene, |ticks| done = ticks);
+///     let measures = measure(&scene, |ticks| done = ticks);
 ///     assert_eq!(done, scene.tick_count());
-///     felt
+///     measures
 /// };
 /// // From facet to facet the normal jumps, and the force with it.
-/// let (faceted, smooth) = (felt("fig3-sliding")?, felt("fig3-sliding-subdivision")?);
+/// let (faceted, smooth) = (measures("fig3-sliding")?, measures("fig3-sliding-subdivision")?);
 /// assert!(smooth.jump_relative < faceted.jump_relative);
 /// # Ok::<(), stickslip::pipeline::RunError>(())
 /// ```
-pub fn feel(scene: &Scene, mut progress: impl FnMut(u64)) -> Result<Felt, RunError> {
+pub fn measure(scene: &Scene, mut progress: impl FnMut(u64)) -> Result<SurfaceMeasures, RunError> {
     let settled = (SETTLED_S / scene.tick_s()) as u64;
     let (mut forces, mut contact): (Vec<Vec3>, _) = (Vec::new(), ContactMeasures::default());
-    let mut energy = EnergyBook::default();
+    let mut energy = EnergyBalance::default();
     let end = pipeline::run(scene, |view| {
         if view.tick >= settled {
             forces.push(view.force);
@@ -177,7 +177,7 @@ pub fn feel(scene: &Scene, mut progress: impl FnMut(u64)) -> Result<Felt, RunErr
     let mean = forces.iter().map(Vec3::norm).sum::<f64>() / forces.len() as f64;
     let jump = contact.largest_force_jump().newtons;
     let slides = scene.contact.law != Law::Sticking;
-    Ok(Felt {
+    Ok(SurfaceMeasures {
         fault,
         mean_force_n: mean,
         largest_jump_n: jump,
@@ -190,8 +190,8 @@ pub fn feel(scene: &Scene, mut progress: impl FnMut(u64)) -> Result<Felt, RunErr
     })
 }
 
-/// Amplitude of the force's magnitude at the frequency at which the tip passes from edge to edge, N, over
-/// the last whole number of edges; `None` for a tip that does not pass one.
+/// Returns the amplitude of the force's magnitude at the frequency at which the tip passes from edge to edge, N, over
+/// the last whole number of edges; `None` for a tip that passes none.
 fn ripple(scene: &Scene, forces: &[Vec3]) -> Option<f64> {
     let end = scene.tick_count() as f64 * scene.tick_s();
     let way = scene.path.at(end) - scene.path.at(end - scene.tick_s());

@@ -1,17 +1,17 @@
-//! Blocks filled with tetrahedra: meshes as irregular as needed whose outline is known exactly.
+//! Blocks filled with tetrahedra: meshes of adjustable irregularity with an exactly known outline.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use crate::model::mesh::{Block, Mesh};
 
-/// Of jittered nodes.
+/// Seed of the random displacements of nodes.
 const SEED: u64 = 4;
 
-/// The corners of a cell's tetrahedra as steps from its first node, for whether that node is even.
+/// Pattern of a cell: the corners of its tetrahedra as steps from its first node, given whether that node is even.
 pub type Split = fn(bool) -> Vec<[[usize; 3]; 4]>;
 
-/// A tetrahedron of the four even nodes, and one in each corner that is left.
+/// Divides a cell into a tetrahedron of its four even nodes and one in each remaining corner.
 pub fn five_tetrahedra(is_even: bool) -> Vec<[[usize; 3]; 4]> {
     let corners = |even: bool| {
         (0..8).map(|i| [i & 1, i >> 1 & 1, i >> 2]).filter(move |c| (c.iter().sum::<usize>() % 2 == 0) == even)
@@ -29,7 +29,8 @@ pub fn five_tetrahedra(is_even: bool) -> Vec<[[usize; 3]; 4]> {
     split
 }
 
-/// One for each way along three edges from the first node to the opposite one (H. W. Kuhn, 1960).
+/// Divides a cell into one tetrahedron for each path along three edges from the first node to the opposite one
+/// (H. W. Kuhn, 1960).
 pub fn six_tetrahedra(_: bool) -> Vec<[[usize; 3]; 4]> {
     [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]]
         .map(|way| {
@@ -43,8 +44,8 @@ pub fn six_tetrahedra(_: bool) -> Vec<[[usize; 3]; 4]> {
         .to_vec()
 }
 
-/// A block filled with tetrahedra, whose edges are its springs; nodes are moved at random by up to `jitter` spacings,
-/// on the boundary within it. It has no surface to be touched.
+/// Builds a block filled with tetrahedra, whose edges are its springs; nodes are moved at random by up to `jitter`
+/// spacings, those on the boundary within it. It has no surface that can be touched.
 ///
 /// ```
 /// use stickslip::model::mesh::{Block, Stencil};

@@ -1,9 +1,10 @@
-//! Which virtual walls the modelled device renders without shaking in the user's hand: measured on the sampled
+//! Virtual walls that the modelled device renders without oscillation in the user's hand: measured on the sampled
 //! loop, and the bounds below which a wall is passive. (Z-width: J. E. Colgate, J. M. Brown, *Factors affecting the
 //! Z-width of a haptic display*, IEEE International Conference on Robotics and Automation 1994.)
 //!
-//! Passivity bounds are sufficient for any hand. This hand is one of them and adds damping, and a wall that gives out a
-//! little energy need not shake: the measured limit has to lie at or above them, and how far says what they leave out.
+//! Passivity bounds are sufficient for any hand. The modelled hand is one of them and adds damping, and a wall that
+//! emits a little energy need not oscillate: the measured limit has to lie at or above the bounds, and its distance
+//! from them shows what they neglect.
 
 use serde::Serialize;
 use thiserror::Error;
@@ -14,77 +15,78 @@ use crate::device::phantom::{DeviceError, Needs, Phantom, PhantomSettings};
 
 /// Rates of the servo loop, Hz.
 pub const RATES_HZ: [f64; 2] = [1e3, 1e4];
-/// Dampings of the wall, N·s/m. The device's own at the tip is 0.011: only the first two are less.
+/// Dampings of the wall, N·s/m. The device's own at the tip is 0.011: only the first two are below it.
 pub const DAMPINGS_N_S_PER_M: [f64; 6] = [0.0, 0.005, 0.1, 1.0, 3.0, 10.0];
-/// Stiffnesses between which the limit is looked for, N/m.
+/// Range of stiffnesses in which the limit is sought, N/m.
 pub const STIFFNESSES_N_PER_M: [f64; 2] = [1e1, 1e5];
-/// A tip that moves over more than this once it has settled shakes, m: some three counts of an encoder at the tip.
+/// Largest motion of a quiet tip once it has settled, m: about three encoder counts at the tip.
 pub const QUIET_M: f64 = 1e-4;
 
-/// Looks up to the first wall that shakes, as a quiet one may be stiffer than one that shakes: four to a decade.
+/// Number of stiffnesses in the upward search for the first wall that oscillates, four to a decade. The search goes
+/// upwards because a quiet wall may be stiffer than one that oscillates.
 const LOOKS: i32 = 16;
-/// Halvings between the last two looks: the limit is known to 1 %.
+/// Bisections between the last two stiffnesses of the search: the limit is known to 1 %.
 const HALVINGS: u32 = 6;
-/// The hand aims from this far before the wall at this depth in it, m, …
+/// Distance from the wall at which the hand starts, and depth at which it aims, m.
 const AIM: f64 = 5e-3;
-/// … over this time, and rests, s; …
+/// Duration of the hand's approach, s; then it rests.
 const APPROACH: f64 = 0.1;
-/// … the loop has this long to settle, s, as hand and arm take 0.08 s to come to rest by a factor e.
-/// Softer walls still let the tip creep by up to 60 µm then; …
+/// Time at which the loop counts as settled, s; hand and arm come to rest with a time constant of 0.08 s.
+/// In softer walls the tip still creeps by up to 60 µm then.
 const SETTLED: f64 = 0.6;
-/// … and is watched up to here, s.
+/// End of the observation, s.
 const END: f64 = 0.8;
 
-/// Rigid ground, z ≤ 0 in the scene: f = max(0, K·depth − B·ż) inside, ż the last two measured positions' difference
-/// over the tick.
+/// Rigid ground, z ≤ 0 in the scene: f = max(0, K·depth − B·ż) inside, where ż is the difference of the last two
+/// measured positions over the tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VirtualWall {
-    /// K, N/m.
+    /// Stiffness K, N/m.
     pub stiffness_n_per_m: f64,
-    /// B, N·s/m.
+    /// Damping B, N·s/m.
     pub damping_n_s_per_m: f64,
 }
 
-/// How a wall is felt once the loop has had time to settle.
+/// Motion of the tip in a wall once the loop has had time to settle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WallTouch {
     /// Largest range of the true tip along an axis, m; infinite if the device left its workspace.
     pub range_m: f64,
-    /// Mean depth of the true tip in the wall, m; not a number if the device left its workspace.
+    /// Mean depth of the true tip in the wall, m; NaN if the device left its workspace.
     pub depth_m: f64,
 }
 
-/// The stiffest wall at a damping and a rate, and what is published of it.
+/// Stiffest quiet wall at a damping and a rate, and the published passivity bounds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct WallLimit {
-    /// 1/h, Hz.
+    /// Rate of the servo loop, 1/h, Hz.
     pub rate_hz: f64,
-    /// B, N·s/m.
+    /// Damping of the wall, B, N·s/m.
     pub damping_n_s_per_m: f64,
-    /// All walls looked at up to this are quiet, N/m; 0: not even the softest; none: all are.
+    /// Stiffness up to which all walls tried are quiet, N/m. 0: not even the softest is; none: all are.
     pub quiet_n_per_m: Option<f64>,
-    /// 2(b − |B|)/h of Colgate and Schenkel, N/m, at the wall.
+    /// Bound 2(b − |B|)/h of Colgate and Schenkel at the wall, N/m.
     pub by_damping_n_per_m: f64,
-    /// 2f_c/Δ of Abbott and Okamura, N/m, at the wall; none if nothing is quantised.
+    /// Bound 2f_c/Δ of Abbott and Okamura at the wall, N/m; none if nothing is quantised.
     pub by_friction_n_per_m: Option<f64>,
-    /// The smaller of both, N/m.
+    /// Smaller of both bounds, N/m.
     pub passive_n_per_m: f64,
     /// Whether all walls that have to be passive are quiet.
     pub agrees: bool,
 }
 
-/// Why there is no limit.
+/// Why no limit could be measured.
 #[derive(Debug, Error)]
 pub enum ZWidthError {
-    /// The device, or a wall that is none.
+    /// The device's settings or the wall's numbers are invalid.
     #[error(transparent)]
     Device(#[from] DeviceError),
-    /// The way to the wall.
+    /// The hand's path is invalid.
     #[error(transparent)]
     Path(#[from] PathError),
 }
 
-/// What the tip does in a wall that the hand is led into, the loop running at a rate, Hz, for 0.8 s. A command acts
+/// Measures the tip in a wall into which the hand is led, with the loop at a rate, Hz, for 0.8 s. A command acts
 /// over the tick after the one at whose end it was computed, as in the servo.
 ///
 /// # Errors
@@ -98,7 +100,7 @@ pub enum ZWidthError {
 /// let soft = VirtualWall { stiffness_n_per_m: 300.0, damping_n_s_per_m: 0.0 };
 /// let felt = touch(&settings, 1e3, &soft)?;
 /// assert!(felt.range_m <= QUIET_M && felt.depth_m > 0.0);
-/// // Between two ticks, a hard one gives out more energy than joints and hand take.
+/// // Between two ticks, a hard wall emits more energy than joints and hand absorb.
 /// let hard = VirtualWall { stiffness_n_per_m: 2e4, ..soft };
 /// assert!(touch(&settings, 1e3, &hard)?.range_m > QUIET_M);
 /// # Ok::<(), stickslip::verify::z_width::ZWidthError>(())
@@ -134,13 +136,13 @@ pub fn touch(settings: &PhantomSettings, rate: f64, wall: &VirtualWall) -> Resul
 }
 
 impl VirtualWall {
-    /// On a tip at a height, m, that rises with a speed, m/s: N, never pulling.
+    /// Returns the force on a tip at a height, m, with an upward speed, m/s: N, never negative.
     fn force(&self, height: f64, speed: f64) -> f64 {
         if height < 0.0 { (-self.stiffness_n_per_m * height - self.damping_n_s_per_m * speed).max(0.0) } else { 0.0 }
     }
 }
 
-/// The limit at a rate, Hz, and a damping of the wall, N·s/m.
+/// Measures the limit at a rate, Hz, and a damping of the wall, N·s/m.
 ///
 /// # Errors
 /// If the device cannot be simulated at this rate, or the damping is negative or not finite.
@@ -150,7 +152,7 @@ impl VirtualWall {
 /// use stickslip::verify::z_width::{ZWidthError, wall_limit};
 ///
 /// let limit = wall_limit(&PhantomSettings::default(), 1e3, 0.0)?;
-/// // What has to be passive is quiet; a hand makes a good deal more quiet than that.
+/// // All passive walls are quiet; with a hand, much stiffer ones are quiet too.
 /// assert!(limit.agrees);
 /// assert!(limit.quiet_n_per_m.is_some_and(|quiet| quiet > limit.passive_n_per_m));
 /// assert!(matches!(wall_limit(&PhantomSettings::default(), 1e3, -1.0), Err(ZWidthError::Device(_))));
@@ -162,7 +164,7 @@ pub fn wall_limit(settings: &PhantomSettings, rate: f64, damping: f64) -> Result
         Ok(touch(settings, rate, &wall)?.range_m <= QUIET_M)
     };
     let quiet_n_per_m = stiffest(is_quiet)?;
-    // At rest on the surface of the wall.
+    // The tip rests on the surface of the wall.
     let bounds = Phantom::new(*settings, &path(&[(0.0, 0.0)])?, 1.0 / rate)?.wall_bounds(&Vec3::z(), damping);
     let passive = bounds.passive_n_per_m();
     Ok(WallLimit {
@@ -176,7 +178,7 @@ pub fn wall_limit(settings: &PhantomSettings, rate: f64, damping: f64) -> Result
     })
 }
 
-/// The last quiet stiffness before the first that is not: looks from below, then halves the logarithm.
+/// Returns the last quiet stiffness before the first that is not: an upward search, then bisection of the logarithm.
 fn stiffest(is_quiet: impl Fn(f64) -> Result<bool, ZWidthError>) -> Result<Option<f64>, ZWidthError> {
     let [softest, hardest] = STIFFNESSES_N_PER_M;
     let stiffness = |look: i32| softest * (hardest / softest).powf(f64::from(look) / f64::from(LOOKS));
@@ -197,7 +199,7 @@ fn stiffest(is_quiet: impl Fn(f64) -> Result<bool, ZWidthError>) -> Result<Optio
     Ok(None)
 }
 
-/// Heights, m, at times, s, straight above each other.
+/// Builds a vertical path through heights, m, at times, s.
 fn path(heights: &[(f64, f64)]) -> Result<TipPath, PathError> {
     TipPath::new(
         heights.iter().map(|&(time, z)| Waypoint { time, position: Vec3::new(0.0, 0.0, z) }).collect::<Vec<_>>(),

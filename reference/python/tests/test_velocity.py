@@ -22,7 +22,7 @@ SPEED_TOLERANCE = 1e-12
 PLATE_TOLERANCE = 1e-6
 # F_T / F_N at slip. Measured: 2.3e-16.
 CONE_TOLERANCE = 1e-12
-# What the energy books may leave open, of the work, at 1 ms. Measured: 0.0086 and 0.0015.
+# What the energy balances may leave open, of the work, at 1 ms. Measured: 0.0086 and 0.0015.
 BOOKS_TOLERANCE = 0.02
 # Order of what they leave open in the tick, 1. Measured: 0.023 off.
 ORDER_TOLERANCE = 0.1
@@ -200,9 +200,9 @@ def test_energy_books_close_with_the_tick(within, law):
         work = result.rows[-1].work
         gap = work - kinetic - elastic - dissipated(network, ticks, read.h) - rubbed(ticks, read.h)
         open_.append(abs(gap) / abs(work))
-    within("energy books at 1 ms, of the work", open_[0], BOOKS_TOLERANCE)
+    within("energy balances at 1 ms, of the work", open_[0], BOOKS_TOLERANCE)
     assert open_[2] < open_[1] < open_[0]
-    within("order of the energy books, less 1", abs(np.log2(open_[0] / open_[2]) / 2.0 - 1.0), ORDER_TOLERANCE)
+    within("order of the energy balances, less 1", abs(np.log2(open_[0] / open_[2]) / 2.0 - 1.0), ORDER_TOLERANCE)
 
 
 def test_subdivision_has_no_jumps_where_facets_have():

@@ -1,5 +1,5 @@
-//! Times of ticks and cycles. Every repetition of a run does the same work in the same order, so what a tick
-//! takes is the least of its repetitions: the rest is the machine's doing, and its spread is given.
+//! Times of ticks and cycles. Every repetition of a run does the same work in the same order, so a tick's time is the
+//! shortest of its repetitions. The rest comes from the machine, and its spread is given.
 
 use std::time::{Duration, Instant};
 
@@ -9,33 +9,33 @@ use crate::multirate::global::Moment;
 use crate::pipeline::Simulation;
 use crate::scene::{Scene, SceneError};
 
-/// Times of each run, unless the share of its time is over before.
+/// Repetitions of each run, unless its share of the time is used up earlier.
 const REPEATS: usize = 7;
 
-/// What a method takes.
+/// Times of a method.
 #[derive(Debug, Clone, Serialize)]
 pub struct Cost {
-    /// Median over ticks, each the least of its repeats, ns.
+    /// Median over ticks of the time per tick, ns; each tick's is the shortest of its repetitions.
     pub tick_ns_p50: f64,
-    /// 99th percentile of the same.
+    /// 99th percentile over ticks, ns.
     pub tick_ns_p99: f64,
-    /// Largest of the same.
+    /// Largest over ticks, ns.
     pub tick_ns_max: f64,
-    /// Least and largest median among the repeats.
+    /// Smallest and largest median among the repetitions, ns.
     pub tick_ns_p50_spread: [f64; 2],
-    /// The longest tick of any repeat, with whatever interrupted it.
+    /// Longest tick of any repetition, interruptions included, ns.
     pub tick_ns_longest: f64,
-    /// Building a local model: median over cycles, each the least of its repeats; absent without cycles.
+    /// Median over cycles of the time to build a local model, ms; absent without cycles.
     pub build_ms: Option<f64>,
-    /// Largest of the same.
+    /// Longest time to build a local model, ms; absent without cycles.
     pub build_ms_max: Option<f64>,
-    /// The longest whole cycle: to catch up and to build.
+    /// Longest whole cycle, ms: catching up and building a model.
     pub cycle_ms_max: Option<f64>,
-    /// Runs that were timed.
+    /// Timed runs.
     pub repeats: usize,
 }
 
-/// Times one run after the other.
+/// Times runs one after the other.
 pub struct Stopwatch {
     share: Duration,
 }
@@ -48,15 +48,15 @@ struct Times {
 }
 
 impl Stopwatch {
-    /// For so many methods, which all together may take `patience`.
+    /// Shares `patience` among a number of methods.
     pub fn new(patience: Duration, methods: usize) -> Self {
         Self { share: patience / methods.max(1) as u32 }
     }
 
-    /// What a scene takes.
+    /// Measures the times of a scene.
     ///
     /// # Errors
-    /// If it cannot start.
+    /// If the scene cannot start.
     pub fn cost(&mut self, scene: &Scene) -> Result<Cost, SceneError> {
         let simulation = Simulation::prepare(scene)?;
         let start = Instant::now();
@@ -90,7 +90,7 @@ impl Stopwatch {
     }
 }
 
-/// Times of one run, ns; up to its fault, if one ends it.
+/// Measures one run, ns, up to its fault if one ends it.
 fn run(simulation: Simulation) -> Times {
     let mut times = Times::default();
     let now = Instant::now();
@@ -106,7 +106,7 @@ fn run(simulation: Simulation) -> Times {
         Moment::TickBegins => tick = Instant::now(),
         Moment::TickEnds => times.ticks.push(since(tick)),
     };
-    // What comes of it is known; here only the time counts.
+    // The result is known; only the time counts here.
     let _ = simulation.run_timed(mark, |_| ());
     times
 }
@@ -115,7 +115,7 @@ fn highest(times: &[f64]) -> f64 {
     times.iter().copied().fold(0.0, f64::max)
 }
 
-/// The least value that this share of all does not exceed; 0 of none.
+/// Returns the smallest value that at least this share of all values does not exceed; 0 if there are none.
 fn percentile(times: &[f64], share: f64) -> f64 {
     let mut sorted = times.to_vec();
     sorted.sort_by(f64::total_cmp);

@@ -1,4 +1,4 @@
-//! `stickslip accuracy`: what local approximations cost, in accuracy and in time.
+//! `stickslip accuracy`: the force error and the time per tick of local models.
 
 mod clock;
 mod section;
@@ -28,27 +28,28 @@ use crate::verify::accuracy::{
 };
 use crate::verify::orders::{self, Case, ObservedOrder};
 
-/// What a tick may take, µs.
+/// Default budget of a tick, µs.
 const BUDGET_US: f64 = 10.0;
-/// What all times together may take.
+/// Time for all timed runs together.
 const PATIENCE: Duration = Duration::from_secs(40);
-/// The same in a report.
+/// Time for all timed runs together in a report.
 const BRIEF_PATIENCE: Duration = Duration::from_secs(6);
 
 #[derive(Debug, Args)]
 pub struct AccuracyArguments {
     /// A scene file or the name of a shipped scene
     scene: PathBuf,
-    /// Where the files go (default: reports/<scene name>)
+    /// Output folder (default: reports/SCENE)
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// What a tick may take, µs, in 99 of 100 ticks
+    /// Budget of a tick, µs; 99 of 100 ticks have to be within it
     #[arg(long, value_name = "N", default_value_t = BUDGET_US, value_parser = positive)]
     budget_us: f64,
-    /// What a global cycle may take, ms (default: as long as it lasts; never more)
+    /// Budget of a global cycle, ms (default and upper bound: the cycle's duration)
     #[arg(long, value_name = "N", value_parser = positive)]
     cycle_ms: Option<f64>,
-    /// Also four rings, coarse far fields, 20 and 100 Hz and more contacts: many minutes over a deep drag
+    /// Also compare four rings, coarse far fields, updates at 20 and 100 Hz and more contacts (many minutes over a deep
+    /// drag)
     #[arg(long)]
     all: bool,
 }
@@ -56,15 +57,15 @@ pub struct AccuracyArguments {
 fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
-        _ => Err("a number above 0".to_owned()),
+        _ => Err("give a number above 0".to_owned()),
     }
 }
 
-/// What methods may take.
+/// Time budget of a method.
 #[derive(Debug, Clone, Copy, Serialize)]
 struct Budget {
     tick_us: f64,
-    /// If less than a cycle lasts.
+    /// Largest time of a global cycle, ms; absent if it is the cycle's duration.
     cycle_ms: Option<f64>,
 }
 
@@ -75,18 +76,18 @@ impl Budget {
     }
 }
 
-/// `accuracy.json`.
+/// Contents of `accuracy.json`.
 #[derive(Serialize)]
 pub struct AccuracyFile {
     pub scene: String,
     version: &'static str,
-    /// The scene's, Hz.
+    /// Rate of the scene's model updates, Hz.
     cycle_rate: f64,
     budget: Budget,
     points: Vec<Point>,
     references: Vec<ReferenceEntry>,
     best: Option<Best>,
-    /// Of a small block, whatever the scene.
+    /// Convergence orders of the integrators, observed on a small block for every scene.
     orders: Vec<ObservedOrder>,
     left_out: Vec<String>,
 }
@@ -101,11 +102,11 @@ struct Point {
     names: Names,
     status: Status,
     fault: Option<String>,
-    /// At or below the disagreement of the references, whatever its status.
+    /// Whether its error is at or below the difference between the references, whatever its status.
     below_floor: bool,
     is_paper: bool,
     is_own: bool,
-    /// No other with this contact is both faster, by the median tick, and closer.
+    /// Whether it is on the Pareto front of median tick and error, among methods with this contact.
     on_front: bool,
     #[serde(flatten)]
     errors: Errors,
@@ -118,7 +119,7 @@ struct Point {
 }
 
 impl Point {
-    /// What can be told of its error: above the floor itself, below it the floor.
+    /// Returns the known bound of its error: the error itself above the floor, the floor below it.
     fn known_error(&self, references: &[ReferenceEntry]) -> f64 {
         self.errors.force_error_rms_rel.max(references[self.reference].floor_rms_rel)
     }
@@ -132,9 +133,9 @@ struct ReferenceEntry {
     surface: &'static str,
     deformation: Option<&'static str>,
     metric: Option<&'static str>,
-    /// The fine reference's steps in a tick.
+    /// Steps of the fine reference per tick.
     refinement: u32,
-    /// Of the difference between the two over the force.
+    /// RMS of the force difference between the two references over RMS of the force.
     floor_rms_rel: f64,
     force_rms_n: f64,
     energy_residual_rel: f64,
@@ -144,7 +145,7 @@ struct ReferenceEntry {
     #[serde(flatten)]
     cost: Cost,
     work: WorkCounts,
-    /// For the figure of forces.
+    /// Samples for the figure of forces.
     #[cfg_attr(not(feature = "plots"), expect(dead_code))]
     #[serde(skip)]
     samples: Vec<Sample>,
@@ -181,11 +182,11 @@ pub fn accuracy(arguments: &AccuracyArguments) -> miette::Result<u8> {
     for line in sentences(&file) {
         say(line)?;
     }
-    say(format_args!("all {} methods: {}", file.points.len(), out.join("index.html").display()))?;
+    say(format_args!("report on all {} methods: {}", file.points.len(), out.join("index.html").display()))?;
     Ok(if file.best.is_some() { PASS } else { FAIL })
 }
 
-/// What is said of a scene's methods in the report: few of them, and quickly.
+/// Builds the report's section on a scene: few methods, and little time for each.
 pub fn brief(scene: &Scene) -> miette::Result<(AccuracyFile, Markup)> {
     let grid = accuracy::grid(scene, Coverage::Brief)?;
     let file = compare(scene, grid, Budget { tick_us: BUDGET_US, cycle_ms: None }, BRIEF_PATIENCE)?;
@@ -194,8 +195,8 @@ pub fn brief(scene: &Scene) -> miette::Result<(AccuracyFile, Markup)> {
 }
 
 impl AccuracyFile {
-    /// What stands in the way of a judgement by errors, which the same program gives the same everywhere: a reference that
-    /// did not reach its end, or no local model that is better than no force.
+    /// Returns why errors cannot be judged, if so: a reference ended in a fault, or every local model is worse than no
+    /// force. The finding does not depend on the machine.
     pub fn failure(&self) -> Option<String> {
         if let Some(fault) = self.references.iter().find_map(|r| r.fault.as_ref().or(r.fault_fine.as_ref())) {
             return Some(format!("a reference ended in a fault: {fault}"));
@@ -204,7 +205,7 @@ impl AccuracyFile {
         all_diverged.then(|| "all local models diverged".to_owned())
     }
 
-    /// The best within the budget, or that there is none: by the clock of this machine.
+    /// Returns whether a method is within the budget on this machine, and the sentence about it.
     pub fn best_in_words(&self) -> (bool, String) {
         (self.best.is_some(), sentences(self).swap_remove(0))
     }
@@ -230,7 +231,7 @@ fn compare(scene: &Scene, grid: Grid, budget: Budget, patience: Duration) -> mie
     })
 }
 
-/// Errors first, in parallel; then times, each alone, all within `patience`.
+/// Measures errors in parallel, then times one run after the other, all within `patience`.
 fn measure(
     scene: &Scene,
     grid: &Grid,
@@ -296,7 +297,7 @@ fn measure(
     Ok((points, entries))
 }
 
-/// Which points of a reference no other beats both in some cost and in error.
+/// Returns the points of a reference that are on the Pareto front of a cost and the error.
 fn front(
     points: &[Point],
     references: &[ReferenceEntry],
@@ -314,13 +315,13 @@ fn front(
 }
 
 fn with(progress: &Mutex<Progress>, change: impl FnOnce(&mut Progress)) {
-    // Poisoned by a thread that panicked while it counted: the count is no longer of interest.
+    // If a thread panicked while it counted, the lock is poisoned and the count no longer matters.
     if let Ok(mut progress) = progress.lock() {
         change(&mut progress);
     }
 }
 
-/// One run of those that are counted.
+/// Counts one run as done.
 fn done(progress: &Mutex<Progress>) {
     with(progress, |progress| progress.end(1));
 }
@@ -347,8 +348,8 @@ fn entry(reference: Reference, cost: Cost) -> ReferenceEntry {
     }
 }
 
-/// The closest within the budget that a local model with the scene's own contact comes; of several below the
-/// floor, which cannot be told apart, the fastest.
+/// Returns the most accurate local model within the budget with the scene's own contact; of several below the floor,
+/// which cannot be distinguished, the fastest.
 fn best(points: &[Point], references: &[ReferenceEntry], budget: Budget) -> Option<Best> {
     let rank = |point: &Point| (point.known_error(references), point.cost.tick_ns_p99);
     let within = |point: &Point| match point.status {
@@ -361,17 +362,18 @@ fn best(points: &[Point], references: &[ReferenceEntry], budget: Budget) -> Opti
         .filter(|(_, point)| within(point))
         .min_by(|(_, a), (_, b)| rank(a).partial_cmp(&rank(b)).unwrap_or(std::cmp::Ordering::Equal))?;
     let Errors { force_error_rms_rel, handover_jump_rel, .. } = point.errors;
-    let below = if point.below_floor { ", less than the references differ by," } else { "" };
+    let below = if point.below_floor { ", below the difference between the references" } else { "" };
     let sentence = format!(
-        "Best within {} µs per tick: {}; its force is {:.2} % off the full network{below} and jumps by up to {:.1} % at \
-         hand-overs. A tick takes {:.2} µs (99 % of them at most {:.2} µs){}.",
+        "Most accurate local model within {} µs per tick (rings, linearisation, exterior, updates): {}. Force error: \
+         {:.2} % of the full network's{below}; largest jump at hand-overs: {:.1} %. Time per tick: median {:.2} µs, \
+         99th percentile {:.2} µs{}.",
         budget.tick_us,
         point.name,
         100.0 * force_error_rms_rel,
         100.0 * handover_jump_rel,
         1e-3 * point.cost.tick_ns_p50,
         1e-3 * point.cost.tick_ns_p99,
-        point.cost.build_ms.map_or(String::new(), |ms| format!(", a model {ms:.2} ms")),
+        point.cost.build_ms.map_or(String::new(), |ms| format!("; building a model: {ms:.2} ms")),
     );
     let Cost { tick_ns_p99, build_ms, .. } = point.cost;
     Some(Best {
@@ -385,23 +387,31 @@ fn best(points: &[Point], references: &[ReferenceEntry], budget: Budget) -> Opti
     })
 }
 
-/// What the report says in words.
+/// Returns the findings as sentences, the best method first.
 fn sentences(file: &AccuracyFile) -> Vec<String> {
     let mut lines = vec![match &file.best {
         Some(best) => best.sentence.clone(),
         None => {
             let cycle = file.budget.cycle_ms.map_or(String::new(), |ms| format!(" and {ms} ms per cycle"));
-            format!("No method is within {} µs per tick{cycle}.", file.budget.tick_us)
+            format!("No local model is within {} µs per tick{cycle}.", file.budget.tick_us)
         }
     }];
     let failed = file.points.iter().filter(|point| point.status == Status::Diverged).count();
-    lines.push(format!("{failed} of {} methods diverged.", file.points.len()));
+    lines.push(format!(
+        "{failed} of {} local models diverged. Each is named by its rings around the contact (all: the whole network), \
+         its linearisation (none: nonlinear springs), its exterior and tangent where it has them, and the rate of its \
+         updates.",
+        file.points.len()
+    ));
     lines.extend(file.references.iter().map(|reference| {
         let floor = 100.0 * reference.floor_rms_rel;
         let faults = [&reference.fault, &reference.fault_fine].into_iter().flatten();
         let faults: String = faults.map(|fault| format!(" It ended in a fault: {fault}.")).collect();
-        format!("{}: steps of h and h/{} differ by {floor:.2} %.{faults}", reference.contact, reference.refinement)
+        format!(
+            "{}: the references with steps of h and h/{} differ by {floor:.2} % in force.{faults}",
+            reference.contact, reference.refinement
+        )
     }));
-    lines.extend(file.left_out.iter().map(|what| format!("Left out: {what}.")));
+    lines.extend(file.left_out.iter().map(|what| format!("Omitted: {what}.")));
     lines
 }

@@ -1,4 +1,4 @@
-//! What a page says of local models.
+//! The section of a page on the accuracy of local models.
 
 use maud::{Markup, PreEscaped, html};
 
@@ -14,8 +14,8 @@ pub fn section(file: &AccuracyFile) -> miette::Result<Markup> {
     Ok(html! {
         h2 #accuracy { "Accuracy of local models" }
         p {
-            "The drag of " (file.scene) " with one local model after the other, each held against the full network at the \
-             haptic rate with the same contact: what differs is the local model alone. Version "
+            "The drag of " (file.scene) " with each local model, compared with the full network at the haptic rate \
+             with the same contact: only the local model differs. Version "
             (env!("CARGO_PKG_VERSION")) "."
         }
         @for sentence in sentences(file) { p { (sentence) } }
@@ -30,15 +30,15 @@ pub fn section(file: &AccuracyFile) -> miette::Result<Markup> {
         }
         h3 { "Orders of the integrators" }
         p {
-            "How fast the positions of a small block converge with the step, over a smooth motion, with the \
-             largest distance of four logarithms of errors from the line laid through them; and, of the same block \
-             without anything that holds it, how much of its momentum the tip's impulse does not account for."
+            "Order at which the positions of a small block converge with the time step over a smooth motion, ± the \
+             largest distance of the four logarithms of errors from their fitted line. Momentum defect: the part of \
+             the momentum of the same block, with no node fixed, that the tip's impulse does not account for."
         }
         (page::table("methods", table::ORDERS_HEAD, file.orders.iter().map(table::order)))
     })
 }
 
-/// Points of a reference, by their error; those that diverged last.
+/// Returns the points of a reference by error, with those that diverged last.
 fn rows(file: &AccuracyFile, reference: usize) -> Vec<usize> {
     let mut rows: Vec<usize> = (0..file.points.len()).filter(|&i| file.points[i].reference == reference).collect();
     let error = |i: usize| {
@@ -51,11 +51,11 @@ fn rows(file: &AccuracyFile, reference: usize) -> Vec<usize> {
 }
 
 #[cfg(feature = "plots")]
-const ERROR_CAPTION: &str = "Blue: fixed exterior, green: drifting, orange: condensed, grey: no exterior. Circles: \
-    tangents, triangles: springs; hollow: over budget; crosses on the rail: diverged. The line is the front of \
-    methods that no other beats in both.";
+const ERROR_CAPTION: &str = "Blue: fixed exterior; green: drifting; orange: statically condensed; grey: no exterior. \
+    Circles: linearised; triangles: nonlinear springs; hollow: over budget; crosses at the top: diverged. Line: the \
+    Pareto front of error and time.";
 
-/// The figures of a reference, with their captions.
+/// Draws the figures of a reference and returns them with their captions.
 #[cfg(feature = "plots")]
 fn figures(file: &AccuracyFile, reference: usize) -> miette::Result<Vec<(String, &'static str)>> {
     use super::Point;
@@ -94,7 +94,7 @@ fn figures(file: &AccuracyFile, reference: usize) -> miette::Result<Vec<(String,
             (figure("error against time per tick", "median tick (µs)", tick, file.budget.tick_us)?, ERROR_CAPTION),
             (
                 figure("error against building a model", "model (ms)", |p| p.cost.build_ms, cycle_ms)?,
-                "The same against what building a model takes in a cycle; on the left edge: no model is built.",
+                "Force error against the time to build a local model in each cycle. Left edge: no model is built.",
             ),
         ];
         let mut runs = vec![("full network", file.references[reference].samples.as_slice())];

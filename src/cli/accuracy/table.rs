@@ -2,26 +2,27 @@
 
 use comfy_table::{Table, presets::UTF8_FULL_CONDENSED};
 
+use super::super::table::fixed;
 use super::{AccuracyFile, Point};
 use crate::verify::orders::ObservedOrder;
 
-/// Column heads of [`row`].
+/// Column headings of [`row`].
 pub const HEAD: [&str; 12] = [
-    "method",
-    "",
+    "local model",
+    "role",
     "status",
     "force error (%)",
     "normal / tangential (%)",
-    "largest (N)",
+    "largest error (N)",
     "mode agreement (%)",
     "jump at hand-over (%)",
     "tick p50 (µs)",
     "tick p99 (µs)",
-    "model (ms)",
-    "springs / products per tick",
+    "building a model (ms)",
+    "springs / matrix products per tick",
 ];
 
-/// A point as a row of text.
+/// Builds a point's row.
 pub fn row(file: &AccuracyFile, i: usize) -> [String; 12] {
     let point = &file.points[i];
     let (errors, cost, work) = (&point.errors, &point.cost, &point.work);
@@ -30,11 +31,15 @@ pub fn row(file: &AccuracyFile, i: usize) -> [String; 12] {
         point.name.clone(),
         marks(file, i),
         point.status.name().to_owned(),
-        format!("{:.2}", 100.0 * errors.force_error_rms_rel),
-        format!("{:.2} / {:.2}", 100.0 * errors.normal_error_rms_rel, 100.0 * errors.tangential_error_rms_rel),
-        format!("{:.3}", errors.force_error_max_n),
+        fixed(100.0 * errors.force_error_rms_rel, 2),
+        format!(
+            "{} / {}",
+            fixed(100.0 * errors.normal_error_rms_rel, 2),
+            fixed(100.0 * errors.tangential_error_rms_rel, 2)
+        ),
+        fixed(errors.force_error_max_n, 3),
         format!("{:.1}", 100.0 * errors.mode_agreement),
-        format!("{:.1}", 100.0 * errors.handover_jump_rel),
+        fixed(100.0 * errors.handover_jump_rel, 1),
         format!("{:.2}", 1e-3 * cost.tick_ns_p50),
         format!("{:.2}", 1e-3 * cost.tick_ns_p99),
         cost.build_ms.map_or("–".to_owned(), |ms| format!("{ms:.2}")),
@@ -42,16 +47,17 @@ pub fn row(file: &AccuracyFile, i: usize) -> [String; 12] {
     ]
 }
 
-/// What is special about a point.
+/// Returns the roles of a point: best, paper's, scene's, on the Pareto front.
 fn marks(file: &AccuracyFile, i: usize) -> String {
     let point = &file.points[i];
     let is_best = file.best.as_ref().is_some_and(|best| best.point == i);
-    let marks = [(is_best, "best"), (point.is_paper, "paper"), (point.is_own, "scene"), (point.on_front, "front")];
+    let marks =
+        [(is_best, "best"), (point.is_paper, "paper"), (point.is_own, "scene"), (point.on_front, "Pareto front")];
     let marks: Vec<&str> = marks.into_iter().filter(|(holds, _)| *holds).map(|(_, mark)| mark).collect();
     marks.join(", ")
 }
 
-/// The points with something special, with the scene's own contact, by their error.
+/// Builds the table of points that have a role, with the scene's own contact, by error.
 pub fn points(file: &AccuracyFile) -> Table {
     let mut table = Table::new();
     table.load_style(UTF8_FULL_CONDENSED).set_header(HEAD);
@@ -64,10 +70,10 @@ pub fn points(file: &AccuracyFile) -> Table {
     table
 }
 
-/// Column heads of [`order`].
+/// Column headings of [`order`].
 pub const ORDERS_HEAD: [&str; 5] = ["integrator", "scheme", "contact", "observed order", "momentum defect"];
 
-/// An observed order as a row of text.
+/// Builds an observed order's row.
 pub fn order(observed: &ObservedOrder) -> [String; 5] {
     let order = observed.order.zip(observed.residual);
     [
@@ -79,7 +85,7 @@ pub fn order(observed: &ObservedOrder) -> [String; 5] {
     ]
 }
 
-/// All observed orders.
+/// Builds the table of observed orders.
 pub fn orders(file: &AccuracyFile) -> Table {
     let mut table = Table::new();
     table.load_style(UTF8_FULL_CONDENSED).set_header(ORDERS_HEAD).add_rows(file.orders.iter().map(order));

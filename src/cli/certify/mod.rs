@@ -1,4 +1,4 @@
-//! `stickslip certify`: the servo loop against the clock of this machine, and what that proves.
+//! `stickslip certify`: a certificate of the servo loop's deadlines on this machine.
 
 mod page;
 
@@ -11,7 +11,7 @@ use clap::{Args, ValueEnum};
 use maud::Markup;
 
 use super::progress::Progress;
-use super::terminal::{hand_out, say};
+use super::terminal::{hand_out, say, significant};
 use super::tick_timing::{TimedTick, time_ticks};
 use super::{FAIL, INCONCLUSIVE, PASS, folder, interrupt, load};
 use crate::multirate::timeline::OverrunPolicy;
@@ -24,14 +24,14 @@ use crate::realtime::os;
 use crate::realtime::record::{loop_settings, recorded_pass};
 use crate::realtime::threads::{Pass, Served, serve};
 use crate::scene::{Scene, SceneError};
-use crate::session::{Replayed, Session, TickToReplay, Why, replay};
+use crate::session::{ReplayOutcome, ReplayReason, Session, TickToReplay, replay};
 use crate::verify::certificate::causes::StealSample;
 use crate::verify::certificate::verdict::{Certificate, Circumstances, Verdict, WorstTick};
 use crate::verify::lateness::consequences;
 
-/// Between two looks at what the hypervisor took.
+/// Interval between two readings of the time taken by the hypervisor.
 const WATCH: Duration = Duration::from_millis(20);
-/// A window of more passes is refused: each is prepared before it begins.
+/// Largest number of passes in a window: all are prepared before it begins.
 const MOST_PASSES: u64 = 10_000;
 
 #[derive(Debug, Args)]
@@ -41,19 +41,19 @@ pub struct CertifyArguments {
     /// Rate of the servo loop (default: the scene's)
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
-    /// From a tick's release to its command (default: the scene's, or else a tick)
+    /// Deadline of a command after its tick's release (default: the scene's, or else one tick)
     #[arg(long, value_name = "US")]
     deadline: Option<f64>,
-    /// How long to measure; the scene's path is repeated
+    /// Duration of the measurement; the scene's path is repeated
     #[arg(long, value_name = "S", default_value_t = 10.0)]
     duration: f64,
-    /// What else the machine does meanwhile
+    /// Load on the machine during the measurement
     #[arg(long, value_enum, default_value_t = LoadName::None)]
     load: LoadName,
-    /// What a missed deadline does (default: the scene's, or else hold)
+    /// Policy for a missed deadline (default: the scene's, or else hold)
     #[arg(long, value_parser = policy_parser())]
     policy: Option<OverrunPolicy>,
-    /// Where the files go (default: reports/<scene name>)
+    /// Output folder (default: reports/SCENE)
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -79,22 +79,22 @@ pub fn certify(arguments: &CertifyArguments) -> miette::Result<u8> {
     })
 }
 
-/// What is said of a scene's servo loop in the report, after so many seconds on an otherwise idle machine.
+/// Builds the report's section on a scene's servo loop, measured for `duration_s` without load.
 pub fn brief(scene: &Scene, duration_s: f64, out: &Path) -> miette::Result<(Certificate, Markup)> {
     let (certificate, figures) = measure(scene, duration_s, LoadName::None, out)?;
     let section = page::section(&certificate, &figures);
     Ok((certificate, section))
 }
 
-/// Takes the words that scenes have for it.
+/// Parses a policy by its name in scenes.
 fn policy_parser() -> impl TypedValueParser<Value = OverrunPolicy> {
     PossibleValuesParser::new(OverrunPolicy::NAMES).try_map(|word| {
         let found = OverrunPolicy::ALL.into_iter().find(|policy| policy.name() == word);
-        found.ok_or("no such policy")
+        found.ok_or("unknown policy")
     })
 }
 
-/// The scene with what the command line changes.
+/// Returns the scene with the changes of the command line.
 fn asked_for(arguments: &CertifyArguments) -> miette::Result<Scene> {
     let (mut scene, _) = load(&arguments.scene)?;
     if let Some(rate) = arguments.rate {
@@ -104,9 +104,9 @@ fn asked_for(arguments: &CertifyArguments) -> miette::Result<Scene> {
         let after = us * 1e-6;
         if !(after > 0.0 && after <= scene.tick_s()) {
             return Err(miette::miette!(
-                help = "a deadline is above 0 and at most a tick",
+                help = "give a deadline above 0 and at most one tick",
                 "a deadline of {us} µs is not possible with ticks of {} µs",
-                scene.tick_s() * 1e6
+                significant(scene.tick_s() * 1e6)
             ));
         }
         scene.deadline.after = after;
@@ -116,7 +116,10 @@ fn asked_for(arguments: &CertifyArguments) -> miette::Result<Scene> {
     }
     if !(arguments.duration > 0.0 && arguments.duration <= MOST_PASSES as f64 * scene.duration_s()) {
         return Err(miette::miette!(
-            help = format!("give one above 0, at most {MOST_PASSES} times the scene's {} s", scene.duration_s()),
+            help = format!(
+                "give a duration above 0 and at most {MOST_PASSES} times the scene's {} s",
+                significant(scene.duration_s())
+            ),
             "a duration of {} s is not possible",
             arguments.duration
         ));
@@ -124,10 +127,10 @@ fn asked_for(arguments: &CertifyArguments) -> miette::Result<Scene> {
     Ok(scene)
 }
 
-/// Figures, under the names of their files.
+/// File names and SVG documents of the figures.
 type Figures = Vec<(&'static str, String)>;
 
-/// Measures a scene's loop, does its worst ticks again, judges, and writes everything into a folder.
+/// Measures a scene's loop, repeats its longest ticks, reaches the verdicts, and writes all files into a folder.
 fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette::Result<(Certificate, Figures)> {
     let stop = interrupt::flag()?;
     let ticks = (duration_s / scene.tick_s()).round().max(1.0) as u64;
@@ -136,8 +139,8 @@ fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette
     let cpus = os::affinity();
     let (kind, words) = match load {
         LoadName::None => (Load::None, "none".to_owned()),
-        LoadName::Cpu => (Load::Cpu, format!("cpu: {} threads that compute", cpus.len())),
-        LoadName::Memory => (Load::Memory, format!("memory: {} threads that write through 64 MiB each", cpus.len())),
+        LoadName::Cpu => (Load::Cpu, format!("cpu: {} computing threads", cpus.len())),
+        LoadName::Memory => (Load::Memory, format!("memory: {} threads writing through 64 MiB each", cpus.len())),
     };
     let mut progress = Progress::new(ticks, "ticks");
     progress.begin(&scene.name);
@@ -177,7 +180,7 @@ fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette
     Ok((certificate, figures))
 }
 
-/// Fresh states for so many ticks, and one to warm up with.
+/// Prepares the passes for a number of ticks, and a simulation for the warm-up.
 fn prepare(scene: &Scene, ticks: u64, stop: &AtomicBool) -> Result<(Vec<Pass>, Simulation), SceneError> {
     let warm_up = Simulation::prepare(scene)?;
     let mut passes = Vec::new();
@@ -190,7 +193,7 @@ fn prepare(scene: &Scene, ticks: u64, stop: &AtomicBool) -> Result<(Vec<Pass>, S
     Ok((passes, warm_up))
 }
 
-/// Does `work` while this thread looks at what the hypervisor takes, and shows how far it must be.
+/// Runs `work` while this thread samples the time taken by the hypervisor and shows the expected progress.
 fn watched<T: Send>(
     duration_s: f64,
     progress: &mut Progress,
@@ -218,11 +221,13 @@ fn watched<T: Send>(
     }
 }
 
-/// What is needed to do the worst ticks again: their passes, and the first one.
+/// Builds the session that repeats the longest ticks: their passes, and the first one.
 fn session(scene: &Scene, served: &mut Served) -> Session {
     let mut session = Session::new(scene, scene.deadline.overrun);
-    let kinds =
-        [(served.meter.worst_by_response(), Why::LongestResponse), (served.meter.worst_by_cpu(), Why::MostCpuTime)];
+    let kinds = [
+        (served.meter.worst_by_response(), ReplayReason::LongestResponse),
+        (served.meter.worst_by_cpu(), ReplayReason::MostCpuTime),
+    ];
     for (ticks, why) in kinds {
         for TickTimes { pass, tick, .. } in ticks {
             session.worst.push(TickToReplay { pass: *pass, tick: *tick, why });
@@ -238,21 +243,21 @@ fn session(scene: &Scene, served: &mut Served) -> Session {
     session
 }
 
-/// Whether every recorded pass comes out the same.
+/// Returns whether every recorded pass replays to the same forces.
 fn replays(session: &Session, scene: &Scene) -> Result<bool, SceneError> {
     let mut same = true;
     for pass in &session.passes {
-        same &= matches!(replay(session.prepare(scene, pass)?, pass, |_| ()), Replayed::Same { .. });
+        same &= matches!(replay(session.prepare(scene, pass)?, pass, |_| ()), ReplayOutcome::Same { .. });
     }
     Ok(same)
 }
 
-/// Ticks that were done again, with what they took the first time.
+/// Joins the times of repeated ticks with those of the measurement.
 fn worst(served: &Served, timed: Vec<TimedTick>) -> Vec<WorstTick> {
     let measured = || served.meter.worst_by_response().iter().chain(served.meter.worst_by_cpu());
     let entry = |TimedTick { tick, warm_ns, cold_ns }| {
         let TickToReplay { pass, tick, why } = tick;
-        let is_measured = matches!(why, Why::LongestResponse | Why::MostCpuTime);
+        let is_measured = matches!(why, ReplayReason::LongestResponse | ReplayReason::MostCpuTime);
         let times = measured().find(|times| is_measured && (times.pass, times.tick) == (pass, tick)).copied();
         WorstTick { pass, tick, why, times, warm_ns, cold_ns }
     };

@@ -1,4 +1,4 @@
-//! What a certificate says to people: a few lines, a Markdown page, two figures.
+//! A certificate for people: a few lines of text, a Markdown page and two figures.
 
 use std::fmt::Write as _;
 
@@ -12,14 +12,14 @@ use crate::verify::certificate::tail::Tail;
 use crate::verify::certificate::verdict::{Certificate, MissRate, WorstTick};
 use crate::verify::lateness::Consequences;
 
-/// Its file.
+/// File of the figure of responses over time.
 const RESPONSE: &str = "response.svg";
 
 fn us(ns: u64) -> f64 {
     ns as f64 * 1e-3
 }
 
-/// For the terminal.
+/// Builds the text for the terminal.
 pub fn words(certificate: &Certificate) -> String {
     let Certificate { compute, platform, .. } = certificate;
     let mut text = format!(
@@ -47,23 +47,23 @@ pub fn words(certificate: &Certificate) -> String {
         )
     };
     let lines = [
-        line("compute ", &compute.compute_ns),
-        line("response", &platform.response_ns),
-        line("empty   ", &platform.control.response_ns),
+        line("compute time             ", &compute.compute_ns),
+        line("response, servo loop     ", &platform.response_ns),
+        line("response, without payload", &platform.control.response_ns),
     ];
     text + &lines.join("\n")
 }
 
-/// What was timed, and its quantiles in µs.
+/// Returns the names of the measured times and their quantiles in µs.
 fn times(certificate: &Certificate) -> [[String; 7]; 6] {
     let Certificate { compute, platform, .. } = certificate;
     let rows = [
-        ("release to begin", &platform.release_ns),
-        ("begin to command (wall)", &compute.compute_ns),
-        ("begin to command (thread CPU)", &compute.cpu_ns),
-        ("release to command: the response", &platform.response_ns),
-        ("empty loop: release to begin", &platform.control.release_ns),
-        ("empty loop: response", &platform.control.response_ns),
+        ("release to start", &platform.release_ns),
+        ("start to command (wall clock)", &compute.compute_ns),
+        ("start to command (CPU time of the thread)", &compute.cpu_ns),
+        ("release to command (response)", &platform.response_ns),
+        ("control loop without a payload: release to start", &platform.control.release_ns),
+        ("control loop without a payload: response", &platform.control.response_ns),
     ];
     rows.map(|(name, q)| {
         let [p50, p90, p99, p999, p9999, max] =
@@ -72,17 +72,18 @@ fn times(certificate: &Certificate) -> [[String; 7]; 6] {
     })
 }
 
-/// In the report.
+/// Builds the report's section.
 pub fn section(certificate: &Certificate, figures: &[(&'static str, String)]) -> Markup {
     let Certificate { compute, platform, .. } = certificate;
-    let head = ["what (µs)", "p50", "p90", "p99", "p99.9", "p99.99", "longest"];
+    let head = ["time (µs)", "p50", "p90", "p99", "p99.9", "p99.99", "longest"];
     html! {
         h2 #certificate { "Certificate of the servo loop" }
         p {
             (certificate.scene) " in real time on this machine: " (certificate.ticks) " ticks at "
             (format!("{:.0} Hz in {:.1} s", certificate.rate_hz, certificate.duration_s))
-            ", each with its command due " (format!("{:.0} µs", certificate.deadline_us)) " after its release. A certificate to \
-             rely on takes longer: " code { "stickslip certify" } "."
+            ", each with its command due " (format!("{:.0} µs", certificate.deadline_us))
+            " after its release. For a certificate to rely on, measure for minutes with "
+            code { "stickslip certify" } "."
         }
         p { b { "Compute: " (compute.verdict.name()) ". " } (compute.reasons.join("; ")) "." }
         p { b { "Platform: " (platform.verdict.name()) ". " } (platform.reasons.join("; ")) "." }
@@ -92,8 +93,8 @@ pub fn section(certificate: &Certificate, figures: &[(&'static str, String)]) ->
                 figure {
                     (PreEscaped(svg))
                     figcaption {
-                        @if *name == RESPONSE { "Responses over time, of this loop and of one that does nothing." }
-                        @else { "Shares of ticks that take longer than a time." }
+                        @if *name == RESPONSE { "Responses of the servo loop and of a control loop without a payload." }
+                        @else { "Share of ticks whose response is longer than a given time." }
                     }
                 }
             }
@@ -101,7 +102,7 @@ pub fn section(certificate: &Certificate, figures: &[(&'static str, String)]) ->
     }
 }
 
-/// The page.
+/// Builds the page `certificate.md`.
 pub fn markdown(certificate: &Certificate) -> String {
     let Certificate { compute, platform, window, settings, machine, .. } = certificate;
     let mut page = format!("# {}: servo loop at {:.0} Hz\n\n", certificate.scene, certificate.rate_hz);
@@ -112,10 +113,10 @@ pub fn markdown(certificate: &Certificate) -> String {
     say(format!("**Compute: {}.** {}.\n", compute.verdict.name(), compute.reasons.join("; ")));
     say(format!("**Platform: {}.** {}.\n", platform.verdict.name(), platform.reasons.join("; ")));
     if certificate.stopped {
-        say("The run was ended before its time; this is what it had.\n".to_owned());
+        say("The run was stopped early; the results cover the ticks done.\n".to_owned());
     }
     say(format!(
-        "{} ticks in {:.2} s, deadline {:.1} µs after each release, what missed it: {}. Load: {}.\n",
+        "{} ticks in {:.2} s, deadline {:.1} µs after each release, policy for a missed deadline: {}. Load: {}.\n",
         certificate.ticks,
         certificate.duration_s,
         certificate.deadline_us,
@@ -127,11 +128,13 @@ pub fn markdown(certificate: &Certificate) -> String {
     for row in times(certificate) {
         say(format!("| {} |", row.join(" | ")));
     }
-    say("\nQuantiles have three digits; the longest and all counts are exact.\n".to_owned());
-    say("![responses over time](response.svg)\n\n![shares that take longer](distribution.svg)\n".to_owned());
-    say("## Misses\n".to_owned());
+    say("\nQuantiles have three significant digits; the longest times and all counts are exact.\n".to_owned());
+    say("![response over time](response.svg)\n".to_owned());
+    say("![share of ticks with a longer response](distribution.svg)\n".to_owned());
+    say("## Deadline misses\n".to_owned());
     say(format!(
-        "{} ticks missed their deadline, {} were left out, at most {} in a row. The empty loop missed {} of its own.\n",
+        "{} ticks missed their deadline and {} were skipped, at most {} in a row. The control loop without a \
+         payload missed {} deadlines.\n",
         platform.misses, platform.skipped, platform.longest_miss_run, platform.control.misses
     ));
     if !platform.causes.is_empty() {
@@ -140,7 +143,7 @@ pub fn markdown(certificate: &Certificate) -> String {
             say(format!("| {} | {count} |", cause.name()));
         }
         if platform.misses_without_cause > 0 {
-            say(format!("| not looked at one by one | {} |", platform.misses_without_cause));
+            say(format!("| not examined one by one | {} |", platform.misses_without_cause));
         }
         say(String::new());
     }
@@ -148,8 +151,10 @@ pub fn markdown(certificate: &Certificate) -> String {
         say(format!("- {sentence}"));
     }
     say(format!("- {}\n", tail_sentence(&certificate.extrapolation)));
-    say("## Ticks that took longest, done again (µs)\n".to_owned());
-    say("| pass | tick | why | response then | CPU then | warm: median, longest | cold: median, longest |".to_owned());
+    say("## Longest ticks, repeated (µs)\n".to_owned());
+    say("| pass | tick | reason | response measured | CPU time measured | warm caches: median, longest \
+         | cold caches: median, longest |"
+        .to_owned());
     say("|---|---|---|---|---|---|---|".to_owned());
     for WorstTick { pass, tick, why, times, warm_ns, cold_ns } in &certificate.worst {
         let then = |of: fn(&crate::realtime::meter::TickTimes) -> u64| {
@@ -164,18 +169,20 @@ pub fn markdown(certificate: &Certificate) -> String {
             pair(*cold_ns)
         ));
     }
-    say("\n## What missed deadlines would do\n".to_owned());
+    say("\n## Effects of missed deadlines\n".to_owned());
     say(format!(
-        "The same path in virtual time, with a share of the ticks {} ticks long, drawn from a fixed seed; forces are held \
-         against the run in which none is late. Energy given: what the commanded force did along the tip's way.\n",
+        "The scene's path in virtual time. A share of the ticks, drawn from a fixed seed, takes {} ticks each; forces \
+         are compared with the run in which no tick is late. Energy given: work of the commanded force along the tip's \
+         path.\n",
         certificate.consequences.late_tick_ticks
     ));
-    say("| policy | late | left out | force error (RMS) | largest jump (N) | contact losses | energy given (mJ) | |"
+    say("| policy | late | skipped | force error (RMS) | largest force jump (N) | contact losses \
+         | energy given (mJ) | fault |"
         .to_owned());
     say("|---|---|---|---|---|---|---|---|".to_owned());
     let Consequences { on_time, late, .. } = &certificate.consequences;
     for consequence in std::iter::once(on_time).chain(late) {
-        let name = if consequence.share == 0.0 { "none is late" } else { consequence.overrun.name() };
+        let name = if consequence.share == 0.0 { "no tick is late" } else { consequence.overrun.name() };
         let error = consequence.force_error_rms_rel.map_or("–".to_owned(), |error| format!("{:.2} %", 100.0 * error));
         let [missed, left_out] = consequence.missed_ticks;
         say(format!(
@@ -186,24 +193,27 @@ pub fn markdown(certificate: &Certificate) -> String {
             consequence.fault.as_deref().unwrap_or_default(),
         ));
     }
-    say("\n## What the loop had\n".to_owned());
-    let unknown = |value: &Option<String>| value.clone().unwrap_or_else(|| "not told".to_owned());
+    say("\n## Settings and machine\n".to_owned());
+    let unknown = |value: &Option<String>| value.clone().unwrap_or_else(|| "unknown".to_owned());
     let refused = if settings.refused.is_empty() { "nothing".to_owned() } else { settings.refused.join("; ") };
     let allocations = window.allocations.map_or("not counted".to_owned(), |calls| calls.to_string());
     let facts = [
         ("scheduling", format!("{}, priority {}", settings.policy, settings.priority)),
-        ("its CPUs", format!("{:?} of {}", settings.cpus, machine.cpus)),
+        ("CPUs of the thread", format!("{:?} of {}", settings.cpus, machine.cpus)),
         ("memory locked", settings.memory_locked.to_string()),
-        ("refused", refused),
-        ("calls of the allocator in the window", allocations),
+        ("requests refused", refused),
+        ("allocator calls in the window", allocations),
         ("page faults", window.page_faults.to_string()),
-        ("switches, voluntary and not", format!("{}, {}", window.voluntary_switches, window.involuntary_switches)),
-        ("notes lost to a full ring", window.lost_notes.to_string()),
-        ("same forces when done again", certificate.replayed.to_string()),
+        (
+            "context switches, voluntary and involuntary",
+            format!("{}, {}", window.voluntary_switches, window.involuntary_switches),
+        ),
+        ("messages lost to a full ring buffer", window.lost_notes.to_string()),
+        ("replay commands the same forces", certificate.replayed.to_string()),
         ("processor", unknown(&machine.processor)),
         ("instruction sets", machine.cpu_features.join(", ")),
         ("hypervisor", machine.hypervisor.to_string()),
-        ("time it took (10 ms each, as a rule)", certificate.stolen.map_or("not told".to_owned(), |n| n.to_string())),
+        ("steal time (units of 10 ms, as a rule)", certificate.stolen.map_or("unknown".to_owned(), |n| n.to_string())),
         ("clock source", unknown(&machine.clock_source)),
         ("frequency governor", unknown(&machine.governor)),
         ("isolated CPUs", unknown(&machine.isolated)),
@@ -230,10 +240,13 @@ fn rate_sentences(rate: &MissRate) -> Vec<String> {
     };
     let independence = match (&rate.independence, &rate.untested) {
         (Some(test), _) if test.independent => {
-            format!("longest responses of blocks look independent (p = {:.2})", test.p_value)
+            format!("longest responses of blocks pass the test of independence (p = {:.2})", test.p_value)
         }
         (Some(test), _) => {
-            format!("longest responses of blocks follow each other (p = {:.1e}): both bounds are too low", test.p_value)
+            format!(
+                "longest responses of blocks are not independent (p = {:.1e}): both bounds are too low",
+                test.p_value
+            )
         }
         (None, reason) => format!("independence was not tested: {}", reason.as_deref().unwrap_or("no reason given")),
     };
@@ -252,11 +265,13 @@ fn tail_sentence(tail: &Tail) -> String {
                 .map(|level| format!("{:.0} µs once in {:.0e} ticks", level.response_ns * 1e-3, level.ticks as f64));
             format!("extrapolated from the longest responses of blocks: {}", levels.collect::<Vec<_>>().join(", "))
         }
-        Tail::Refused { reasons, .. } => format!("not extrapolated beyond what was seen: {}", reasons.join("; ")),
+        Tail::Refused { reasons, .. } => {
+            format!("not extrapolated beyond the measured responses: {}", reasons.join("; "))
+        }
     }
 }
 
-/// `response.svg` and `distribution.svg`.
+/// Draws `response.svg` and `distribution.svg`.
 #[cfg(feature = "plots")]
 pub fn figures(served: &Served) -> miette::Result<Vec<(&'static str, String)>> {
     use miette::{IntoDiagnostic, WrapErr};
@@ -276,7 +291,7 @@ pub fn figures(served: &Served) -> miette::Result<Vec<(&'static str, String)>> {
     let stretches: Vec<Stretch> = meter.blocks().iter().map(stretch).collect();
     let deadline_us = us(meter.deadline_ns());
     let in_us = |tail: Vec<(f64, f64)>| tail.into_iter().map(|(ns, share)| (ns * 1e-3, share)).collect::<Vec<_>>();
-    let draw = |svg: std::io::Result<String>| svg.into_diagnostic().wrap_err("cannot draw the loop's times");
+    let draw = |svg: std::io::Result<String>| svg.into_diagnostic().wrap_err("cannot draw the times of the servo loop");
     Ok(vec![
         (RESPONSE, draw(over_time(&stretches, deadline_us))?),
         (
@@ -286,7 +301,7 @@ pub fn figures(served: &Served) -> miette::Result<Vec<(&'static str, String)>> {
     ])
 }
 
-/// Nothing without plots.
+/// Returns no figures, without the feature `plots`.
 #[cfg(not(feature = "plots"))]
 pub fn figures(_: &Served) -> miette::Result<Vec<(&'static str, String)>> {
     Ok(Vec::new())

@@ -1,4 +1,4 @@
-//! What `explain` says of a modelled device.
+//! Facts on a modelled device that `explain` prints.
 
 use serde::Serialize;
 
@@ -8,7 +8,7 @@ use crate::device::instrument::InstrumentKind;
 use crate::pipeline::Simulation;
 use crate::scene::Scene;
 
-/// The modelled device at its start, along the scene's z: the normal of the top.
+/// The modelled device at its start; the wall bounds are along the scene's z, the normal of the top.
 #[derive(Serialize)]
 pub struct DeviceFacts {
     apparent_mass_kg: [f64; 3],
@@ -21,9 +21,9 @@ pub struct DeviceFacts {
     passivity_control: bool,
     smoothing_ticks: u32,
     wall_stiffness_n_per_m: f64,
-    /// 2(b − |B|)/h.
+    /// Passivity bound 2(b − |B|)/h, by the device's damping.
     wall_bound_by_damping_n_per_m: f64,
-    /// 2f_c/Δ; absent if nothing is quantised.
+    /// Passivity bound 2f_c/Δ, by the device's friction; absent if nothing is quantised.
     wall_bound_by_friction_n_per_m: Option<f64>,
 }
 
@@ -61,7 +61,7 @@ impl DeviceFacts {
         })
     }
 
-    /// Beyond both bounds.
+    /// Returns the warning for a wall stiffness beyond both bounds.
     pub fn warning(&self) -> Option<String> {
         let friction = self.wall_bound_by_friction_n_per_m?;
         let (bound, which) = if friction > self.wall_bound_by_damping_n_per_m {
@@ -71,8 +71,8 @@ impl DeviceFacts {
         };
         (self.wall_stiffness_n_per_m > bound).then(|| {
             format!(
-                "contact.wall_stiffness = {} N/m is beyond what the device alone makes passive, {bound:.0} N/m \
-                 ({which}): on rigid ground the loop may give out energy",
+                "contact.wall_stiffness = {} N/m is beyond the passivity bound of the device alone, {bound:.0} N/m \
+                 ({which}): on rigid ground the loop may generate energy",
                 self.wall_stiffness_n_per_m
             )
         })
@@ -100,15 +100,15 @@ impl DeviceFacts {
             Some(CouplingFacts { stiffness_n_per_m: k, damping_n_s_per_m: b, mass_kg: m }) => {
                 format!("  coupling  {k} N/m, {b} N·s/m, {:.0} g", 1e3 * m)
             }
-            None => "  coupling  none: contact sees the measured tip".to_owned(),
+            None => "  coupling  none: the contact is computed at the measured tip".to_owned(),
         });
         let friction = match self.wall_bound_by_friction_n_per_m {
             Some(bound) => format!("{bound:.0} N/m"),
-            None => "none, nothing is quantised".to_owned(),
+            None => "any stiffness, as nothing is quantised".to_owned(),
         };
         lines.push(format!(
-            "  rigid ground of {} N/m; passive by the device's damping up to {:.1} N/m (2(b − |B|)/h), by its friction \
-             up to {friction} (2f_c/Δ)",
+            "  rigid ground of {} N/m; passive by the device's damping, 2(b − |B|)/h, up to {:.1} N/m; by its \
+             friction, 2f_c/Δ, up to {friction}",
             self.wall_stiffness_n_per_m, self.wall_bound_by_damping_n_per_m
         ));
         lines

@@ -1,4 +1,4 @@
-//! What independent references said of the program, from the last run of `reference/verify`.
+//! Comparison with independent references, from the last run of `reference/verify`.
 
 use std::io;
 use std::path::Path;
@@ -6,20 +6,20 @@ use std::path::Path;
 use maud::{Markup, html};
 use serde::{Deserialize, Serialize};
 
-use super::verdict::{Outcome, Verdict};
+use super::verdict::{Verdict, VerdictStatus};
 use crate::cli::page;
 
-/// Where `reference/verify` leaves it, from the folder of the clone.
+/// Path of the file that `reference/verify` writes, relative to the clone.
 const FILE: &str = "reports/crosscheck.json";
 
-/// The file.
+/// Contents of `crosscheck.json`.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct CrossCheck {
-    /// Of the program that was checked.
+    /// Version of the program that was checked.
     version: String,
-    /// Of the clone, with `+` where it had changes.
+    /// Commit of the clone, with `+` if it had changes.
     commit: String,
-    /// When it ended, UTC.
+    /// Time of its end, UTC.
     date: String,
     passed: bool,
     failed: Vec<String>,
@@ -27,7 +27,7 @@ pub struct CrossCheck {
     rows: Vec<Row>,
 }
 
-/// A quantity that a reference was held against.
+/// A quantity compared with a reference.
 #[derive(Debug, Serialize, Deserialize)]
 struct Row {
     reference: String,
@@ -36,9 +36,12 @@ struct Row {
     measured: String,
 }
 
-/// The last cross-check, or why there is none.
+/// Reads the last cross-check.
+///
+/// # Errors
+/// If there is none, or it cannot be read: the reason, and how to make one.
 pub fn read() -> Result<CrossCheck, String> {
-    let how = "reference/verify in a clone of the project makes one";
+    let how = "run reference/verify in a clone of the project";
     match std::fs::read(Path::new(FILE)) {
         Ok(text) => serde_json::from_slice(&text).map_err(|error| format!("{FILE} cannot be read ({error}); {how}")),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Err(format!("there is no {FILE} here; {how}")),
@@ -49,10 +52,12 @@ pub fn read() -> Result<CrossCheck, String> {
 pub fn verdict(found: &Result<CrossCheck, String>) -> Verdict {
     let (outcome, reason) = match found {
         Ok(CrossCheck { passed: true, rows, date, .. }) => {
-            (Outcome::Pass, format!("{} quantities agreed with independent references on {date}", rows.len()))
+            (VerdictStatus::Pass, format!("{} quantities agreed with independent references on {date}", rows.len()))
         }
-        Ok(CrossCheck { failed, date, .. }) => (Outcome::Fail, format!("on {date} this failed: {}", failed.join(", "))),
-        Err(reason) => (Outcome::Inconclusive, reason.clone()),
+        Ok(CrossCheck { failed, date, .. }) => {
+            (VerdictStatus::Fail, format!("failed on {date}: {}", failed.join(", ")))
+        }
+        Err(reason) => (VerdictStatus::Inconclusive, reason.clone()),
     };
     Verdict { what: "cross-check".to_owned(), outcome, reason, decides: false, section: "crosscheck" }
 }
@@ -64,8 +69,9 @@ pub fn section(found: &Result<CrossCheck, String>) -> Markup {
             Err(reason) => p { "Not shown: " (reason) "." },
             Ok(check) => {
                 p {
-                    "What was held against independent references by " code { "reference/verify" } " on " (check.date)
-                    ", version " (check.version) ", commit " (check.commit) ". It is no part of this run."
+                    "Quantities compared with independent references by " code { "reference/verify" } " on "
+                    (check.date) ", version " (check.version) ", commit " (check.commit)
+                    ". They are not part of this run."
                 }
                 @for what in &check.failed { p.unexpected { "Failed: " (what) "." } }
                 @for what in &check.skipped { p { "Skipped: " (what) "." } }

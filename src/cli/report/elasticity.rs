@@ -1,32 +1,32 @@
-//! How well springs from Young's modulus stand for the elastic solid, on a page.
+//! The section on the elasticity of springs made from Young's modulus, compared with the elastic solid.
 
 use maud::{Markup, PreEscaped, html};
 
 use crate::cli::page;
 use crate::verify::elasticity::{ElasticityError, ElasticityRow, GMSH_CELLS, Quantity, table};
 
-/// Cells along the side of what is looked at.
+/// Returns the numbers of cells along the side of the meshes compared.
 pub fn cells(is_quick: bool) -> &'static [usize] {
     if is_quick { &GMSH_CELLS[..2] } else { &GMSH_CELLS }
 }
 
-/// Every quantity of every mesh.
+/// Computes every quantity of every mesh.
 pub fn compare(cells: &[usize]) -> miette::Result<Vec<ElasticityRow>> {
     table(cells).map_err(|error: ElasticityError| miette::miette!("elasticity of springs: {error}"))
 }
 
 fn name(quantity: Quantity) -> &'static str {
     match quantity {
-        Quantity::YoungModulus => "E, pulled",
-        Quantity::PoissonRatio => "ν, pulled",
-        Quantity::Sag => "sag, hanging",
-        Quantity::ConfinedModulus => "modulus, confined",
-        Quantity::ShearModulus => "G, sheared",
+        Quantity::YoungModulus => "Young's modulus E, in tension",
+        Quantity::PoissonRatio => "Poisson's ratio ν, in tension",
+        Quantity::Sag => "sag under gravity",
+        Quantity::ConfinedModulus => "confined modulus",
+        Quantity::ShearModulus => "shear modulus G",
         Quantity::Indentation => "settlement beside a point load",
     }
 }
 
-/// Rows of one kind of mesh: in one line of the table, if they are of one size too.
+/// Returns whether two rows are of the same kind of mesh; rows of the same size too share a line of the table.
 fn of_one_kind(a: &ElasticityRow, b: &ElasticityRow) -> bool {
     (&a.filling, a.identification) == (&b.filling, b.identification)
 }
@@ -37,7 +37,7 @@ fn figure(rows: &[ElasticityRow]) -> miette::Result<String> {
     use crate::output::figures::refinement::{Curve, Panel, refinement};
 
     const GROUPS: [(&str, &str); 4] =
-        [("lattice", "lattice"), ("five", "five tetrahedra"), ("six", "six tetrahedra"), ("Gmsh", "by Gmsh")];
+        [("lattice", "lattice"), ("five", "five tetrahedra"), ("six", "six tetrahedra"), ("Gmsh", "Gmsh")];
     let panels = Quantity::ALL.map(|quantity| Panel {
         title: name(quantity),
         curves: rows
@@ -55,7 +55,7 @@ fn figure(rows: &[ElasticityRow]) -> miette::Result<String> {
             .collect(),
     });
     refinement(&GROUPS.map(|(_, name)| name), &panels)
-        .map_err(|error| miette::miette!("cannot draw the errors of springs: {error}"))
+        .map_err(|error| miette::miette!("cannot draw the errors of the springs: {error}"))
 }
 
 #[cfg(not(feature = "plots"))]
@@ -66,7 +66,7 @@ fn figure(_: &[ElasticityRow]) -> miette::Result<String> {
 const HEAD: [&str; 10] =
     ["mesh", "springs by", "cells", "nodes", "E", "ν", "sag", "confined modulus", "G", "beside a point load"];
 
-/// A mesh: its names, its size (of the bar, which is the larger) and its errors.
+/// Builds a mesh's row: its names, its size (the bar's, which is the larger mesh) and its errors.
 fn row(mesh: &[ElasticityRow]) -> [String; 10] {
     let error = |quantity: Quantity| {
         let row = mesh.iter().find(|row| row.quantity == quantity);
@@ -93,22 +93,23 @@ pub fn section(rows: &[ElasticityRow], is_quick: bool) -> miette::Result<Markup>
     Ok(html! {
         h2 #elasticity { "Elasticity" }
         p {
-            "What springs from Young's modulus make of blocks and bars, pulled, hanging, confined, sheared, and pushed \
-             at a point, against the elastic solid with Poisson's ratio 1/4. A curve that falls to zero (lattices) \
-             becomes that solid where the mesh becomes finer; one that stays level does not, and its height is how far "
-            code { "young_modulus" } " is off in every mesh of its kind."
+            "Blocks and bars of springs made from Young's modulus, in tension, hanging, confined, sheared, and loaded \
+             at a point, compared with the elastic solid with Poisson's ratio 1/4. A curve that falls to zero \
+             (lattices) converges to that solid under refinement. One that stays level does not: its height is the \
+             error of "
+            code { "young_modulus" } " in every mesh of its kind."
         }
-        @if is_quick { p { "A quick report leaves out the finest meshes." } }
+        @if is_quick { p { "A quick report omits the finest meshes." } }
         figure {
             (PreEscaped(figure(rows)?))
             figcaption {
-                "Measured over expected, less one, against the cells along the side. Grey: lattices; blue and orange: \
-                 five and six tetrahedra in a cell, dashed with nodes moved at random; green: meshed by Gmsh. Circles: \
-                 Van Gelder's springs (lattices need no formula), triangles: Lloyd's."
+                "Relative error over the number of cells along the side. Grey: lattices; blue and orange: five and six \
+                 tetrahedra per cell, dashed if nodes are moved at random; green: meshes by Gmsh. Circles: springs by \
+                 Van Gelder's formula (lattices need none); triangles: by Lloyd's."
             }
         }
         details {
-            summary { "The numbers" }
+            summary { "Table of all errors" }
             (page::table("", HEAD, meshes.map(row)))
         }
     })

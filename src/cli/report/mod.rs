@@ -1,4 +1,4 @@
-//! `stickslip report`: the main job.
+//! `stickslip report`: scenes and studies on one page.
 
 mod crosscheck;
 mod elasticity;
@@ -18,7 +18,7 @@ use self::crosscheck::CrossCheck;
 use self::provenance::Origin;
 use self::runs::{Reported, RunEntry};
 use self::surfaces::SurfaceEntry;
-use self::verdict::{Outcome, Verdict};
+use self::verdict::{Verdict, VerdictStatus};
 use super::accuracy::{self, AccuracyFile};
 use super::progress::Progress;
 use super::run::execute;
@@ -36,47 +36,47 @@ pub struct ReportArguments {
     /// Scene files or names of shipped scenes (default: all shipped scenes)
     #[arg(value_name = "SCENE")]
     scenes: Vec<PathBuf>,
-    /// Where the report goes
+    /// Output folder of the report
     #[arg(long, value_name = "DIR", default_value = "reports")]
     out: PathBuf,
-    /// Only run the scenes and look at the elasticity of coarser meshes: no contact surfaces, accuracy, stability and
-    /// certificate (where scenes are named, no elasticity either)
+    /// Only run the scenes and compare the elasticity of coarser meshes; omit contact surfaces, accuracy, stability and
+    /// certificate (if scenes are named, elasticity too)
     #[arg(long)]
     quick: bool,
 }
 
 impl Default for ReportArguments {
-    /// As without arguments.
+    /// Returns the arguments of `report` without any given.
     fn default() -> Self {
         Self { scenes: Vec::new(), out: "reports".into(), quick: false }
     }
 }
 
-/// The drag that local models are compared on.
+/// Scene whose drag compares local models.
 const ACCURACY_SCENE: &str = "deep-stick-slip";
-/// Whose local step and servo loop are looked at.
+/// Scene of the stability limits and of the certificate.
 const LOOP_SCENE: &str = "fig5-stick-slip";
-/// How long the servo loop runs in real time, s.
+/// Duration of the servo loop in real time, s.
 #[cfg(all(feature = "realtime", target_os = "linux"))]
 const CERTIFICATE_S: f64 = 5.0;
 
-/// `report.json`.
+/// Contents of `report.json`.
 #[derive(Serialize)]
 struct ReportFile<'a> {
     provenance: &'a Origin,
     verdicts: &'a [Verdict],
     runs: Vec<RunEntry<'a>>,
-    /// Contact surfaces and schemes compared. This and what follows is absent where it was not asked for.
+    /// Contact surfaces and schemes compared; like the following fields, absent if not part of this report.
     surfaces: Option<&'a [SurfaceEntry]>,
     accuracy: Option<&'a AccuracyFile>,
     stability: Option<&'a StabilityFile>,
-    /// Springs against the elastic solid; absent where scenes are named.
+    /// Springs compared with the elastic solid; absent if scenes are named.
     elasticity: Option<&'a [ElasticityRow]>,
     certificate: Option<&'a serde_json::Value>,
     crosscheck: Option<&'a CrossCheck>,
 }
 
-/// What only the whole report has.
+/// Studies that only a whole report has.
 struct Studies {
     surfaces: Vec<SurfaceEntry>,
     accuracy: AccuracyFile,
@@ -137,11 +137,11 @@ pub fn report(arguments: &ReportArguments) -> miette::Result<u8> {
     say(table::runs(reported.iter().map(|r| (r.summary(), r.outcome()))))?;
     say(verdict::lines(&verdicts))?;
     say(format_args!("report: {}", out.join("index.html").display()))?;
-    let fails = verdicts.iter().any(|verdict| verdict.decides && verdict.outcome == Outcome::Fail);
+    let fails = verdicts.iter().any(|verdict| verdict.decides && verdict.outcome == VerdictStatus::Fail);
     Ok(if fails { FAIL } else { PASS })
 }
 
-/// All scenes are checked before the first one runs.
+/// Loads and prepares all scenes before the first one runs.
 fn checked(scenes: &[PathBuf]) -> miette::Result<Vec<(Scene, Expectation)>> {
     let shipped = SHIPPED.iter().map(|shipped| shipped.name.into());
     let scenes: Vec<PathBuf> = if scenes.is_empty() { shipped.collect() } else { scenes.to_vec() };
@@ -152,7 +152,7 @@ fn checked(scenes: &[PathBuf]) -> miette::Result<Vec<(Scene, Expectation)>> {
         if scenes[..i].iter().any(|(other, _)| other.name == scene.name) {
             return Err(miette::miette!(
                 help = "give each scene a `name` of its own",
-                "two scenes are named {:?}, and both would write to that folder",
+                "two scenes are named {:?}, and both would write to the folder of that name",
                 scene.name
             ));
         }
@@ -177,7 +177,7 @@ fn run_all(scenes: &[(Scene, Expectation)], out: &Path) -> miette::Result<Vec<Re
 }
 
 impl Studies {
-    /// One after the other, so that none disturbs the times of another.
+    /// Runs the studies one after the other, so that none disturbs the times of another.
     fn make(out: &Path) -> miette::Result<Self> {
         let surfaces = surfaces::compare()?;
         let (accuracy, about_accuracy) = accuracy::brief(&shipped(ACCURACY_SCENE)?)?;
@@ -196,20 +196,20 @@ fn shipped(name: &str) -> miette::Result<Scene> {
 
 fn accuracy_verdict(file: &AccuracyFile) -> Verdict {
     let (outcome, reason) = match (file.failure(), file.best_in_words()) {
-        (Some(failure), _) => (Outcome::Fail, failure),
-        (None, (true, best)) => (Outcome::Pass, best),
-        // Which methods are fast enough is the machine's doing.
-        (None, (false, none)) => (Outcome::Inconclusive, none),
+        (Some(failure), _) => (VerdictStatus::Fail, failure),
+        (None, (true, best)) => (VerdictStatus::Pass, best),
+        // Which methods are fast enough depends on the machine.
+        (None, (false, none)) => (VerdictStatus::Inconclusive, none),
     };
     Verdict { what: "accuracy".to_owned(), outcome, reason, decides: true, section: "accuracy" }
 }
 
 fn stability_verdict(file: &StabilityFile) -> Verdict {
-    let outcome = Outcome::pass_if(file.passes);
+    let outcome = VerdictStatus::pass_if(file.passes);
     Verdict { what: "stability".to_owned(), outcome, reason: file.counts(), decides: true, section: "stability" }
 }
 
-/// A short one, with its two verdicts, which say something of this machine. If it cannot be made, the rest still stands.
+/// Makes a short certificate with its two verdicts on this machine. If it fails, the rest of the report still stands.
 #[cfg(all(feature = "realtime", target_os = "linux"))]
 fn certificate(verdicts: &mut Vec<Verdict>, out: &Path) -> miette::Result<(Option<serde_json::Value>, Markup)> {
     use miette::IntoDiagnostic;
@@ -218,12 +218,12 @@ fn certificate(verdicts: &mut Vec<Verdict>, out: &Path) -> miette::Result<(Optio
 
     let (certificate, section) = match super::certify::brief(&shipped(LOOP_SCENE)?, CERTIFICATE_S, out) {
         Ok(made) => made,
-        Err(error) => return Ok((None, not_certified(verdicts, Outcome::Fail, &error.to_string()))),
+        Err(error) => return Ok((None, not_certified(verdicts, VerdictStatus::Fail, &error.to_string()))),
     };
     let outcome = |found: Found| match found {
-        Found::Pass => Outcome::Pass,
-        Found::Inconclusive => Outcome::Inconclusive,
-        Found::Fail => Outcome::Fail,
+        Found::Pass => VerdictStatus::Pass,
+        Found::Inconclusive => VerdictStatus::Inconclusive,
+        Found::Fail => VerdictStatus::Fail,
     };
     let mut add = |part: &str, found, reasons: &[String]| {
         verdicts.push(certified(&format!("certificate, {part}"), outcome(found), &reasons.join("; ")));
@@ -235,18 +235,18 @@ fn certificate(verdicts: &mut Vec<Verdict>, out: &Path) -> miette::Result<(Optio
 
 #[cfg(not(all(feature = "realtime", target_os = "linux")))]
 fn certificate(verdicts: &mut Vec<Verdict>, _: &Path) -> miette::Result<(Option<serde_json::Value>, Markup)> {
-    let reason = "this program was built without real time, which needs Linux and the feature `realtime`";
-    Ok((None, not_certified(verdicts, Outcome::Inconclusive, reason)))
+    let reason = "this program was built without the feature `realtime`, which needs Linux";
+    Ok((None, not_certified(verdicts, VerdictStatus::Inconclusive, reason)))
 }
 
-fn certified(what: &str, outcome: Outcome, reason: &str) -> Verdict {
+fn certified(what: &str, outcome: VerdictStatus, reason: &str) -> Verdict {
     let (what, reason) = (what.to_owned(), reason.to_owned());
     Verdict { what, outcome, reason, decides: false, section: "certificate" }
 }
 
-fn not_certified(verdicts: &mut Vec<Verdict>, outcome: Outcome, reason: &str) -> Markup {
+fn not_certified(verdicts: &mut Vec<Verdict>, outcome: VerdictStatus, reason: &str) -> Markup {
     verdicts.push(certified("certificate", outcome, reason));
-    html! { h2 #certificate { "Certificate of the servo loop" } p { "Not made: " (reason) "." } }
+    html! { h2 #certificate { "Certificate of the servo loop" } p { "No certificate: " (reason) "." } }
 }
 
 fn whole_page(verdicts: &[Verdict], sections: &[Markup]) -> Markup {

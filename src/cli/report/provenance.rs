@@ -1,4 +1,4 @@
-//! Where a report comes from: program, machine, scenes.
+//! Provenance of a report: program, machine and scenes.
 
 use std::time::SystemTime;
 
@@ -9,20 +9,21 @@ use super::runs::Reported;
 use super::view::LICENCE;
 use crate::cli::page;
 
-/// In `report.json`.
+/// The provenance in `report.json`.
 #[derive(Serialize)]
 pub struct Origin {
     version: &'static str,
-    /// Compiler, target and level of optimisation.
+    /// Compiler, target and optimisation level.
     build: &'static str,
     debug_assertions: bool,
-    /// Vector instructions that the compiler was free to use, and that the processor has.
+    /// Vector instructions that the compiler was allowed to use.
     compiled_features: Vec<String>,
+    /// Vector instructions of the processor.
     cpu_features: Vec<String>,
     machine: Vec<(&'static str, String)>,
-    /// UTC.
+    /// Time of the report, UTC.
     date: String,
-    /// Sections of the report that were not asked for.
+    /// Sections that this report omits.
     left_out: Vec<&'static str>,
 }
 
@@ -47,7 +48,7 @@ impl Origin {
 #[cfg(all(feature = "realtime", target_os = "linux"))]
 fn machine() -> Vec<(&'static str, String)> {
     let machine = crate::realtime::machine::Machine::describe(0);
-    let told = |value: Option<String>| value.unwrap_or_else(|| "not told".to_owned());
+    let told = |value: Option<String>| value.unwrap_or_else(|| "unknown".to_owned());
     vec![
         ("processor", told(machine.processor)),
         ("CPUs", machine.cpus.to_string()),
@@ -62,7 +63,7 @@ fn machine() -> Vec<(&'static str, String)> {
     vec![("system", format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS))]
 }
 
-const HEAD: [&str; 5] = ["scene", "its text (SHA-256)", "ticks", "time (s)", "parts left out"];
+const HEAD: [&str; 5] = ["scene", "text of the scene (SHA-256)", "ticks", "run time (s)", "parts omitted"];
 
 pub fn section(origin: &Origin, reported: &[Reported]) -> Markup {
     let row = |r: &Reported| {
@@ -78,22 +79,22 @@ pub fn section(origin: &Origin, reported: &[Reported]) -> Markup {
     let features = |list: &[String]| if list.is_empty() { "none".to_owned() } else { list.join(", ") };
     let facts = [
         ("stickslip", origin.version.to_owned()),
-        ("made", origin.date.clone()),
-        ("built", origin.build.to_owned()),
+        ("date", origin.date.clone()),
+        ("build", origin.build.to_owned()),
         ("debug assertions", origin.debug_assertions.to_string()),
         ("vector instructions compiled for", features(&origin.compiled_features)),
-        ("of the processor", features(&origin.cpu_features)),
+        ("vector instructions of the processor", features(&origin.cpu_features)),
     ];
     let facts = facts.into_iter().chain(origin.machine.iter().cloned());
     html! {
         h2 #provenance { "Provenance" }
-        (page::table("words", ["what", "is"], facts.map(|(name, value)| [name.to_owned(), value])))
+        (page::table("words", ["property", "value"], facts.map(|(name, value)| [name.to_owned(), value])))
         @if !origin.left_out.is_empty() {
-            p { "Not in this report: " (origin.left_out.join(", ")) ". " code { "stickslip report" } " has all of it." }
+            p { "Not in this report: " (origin.left_out.join(", ")) ". For all of it, run " code { "stickslip report" } "." }
         }
         p {
-            "Each scene goes without the parts of the pipeline that it does not need; which these are is in its "
-            code { "summary.json" } "."
+            "A scene's pipeline omits the parts that the scene does not need; the scene's " code { "summary.json" }
+            " lists them under " code { "left_out" } "."
         }
         (page::table("", HEAD, reported.iter().map(row)))
         details {

@@ -1,9 +1,9 @@
-//! Scenes that were run: their table, their figures, their verdicts.
+//! The scenes that were run: table, figures and verdicts.
 
 use maud::{Markup, PreEscaped, html};
 use serde::Serialize;
 
-use super::verdict::{Outcome, Verdict};
+use super::verdict::{Verdict, VerdictStatus};
 use crate::cli::page::{self, Row};
 use crate::cli::table;
 use crate::output::files::FinishedRun;
@@ -12,7 +12,7 @@ use crate::output::summary::Summary;
 use crate::scene::{Expectation, Scene};
 use crate::verify::baseline::Provenance;
 
-/// A scene that was run.
+/// A scene's run with its figure, frames and provenance.
 pub struct Reported {
     run: FinishedRun,
     expectation: Expectation,
@@ -74,7 +74,7 @@ impl Reported {
         }
     }
 
-    /// Why it is not as expected.
+    /// Returns the reason why the run is not as expected.
     fn complaint(&self) -> String {
         let summary = &self.run.summary;
         match &summary.fault {
@@ -87,15 +87,16 @@ impl Reported {
     }
 }
 
-/// One for each scene that is not as expected, and one for all others.
+/// Returns one verdict per scene that did not end as expected, and one for all others.
 pub fn verdicts(reported: &[Reported]) -> Vec<Verdict> {
     let of = |what: String, outcome, reason| Verdict { what, outcome, reason, decides: true, section: "experiments" };
     let failed = reported.iter().filter(|r| !r.as_expected());
-    let mut verdicts: Vec<Verdict> = failed.map(|r| of(r.name().to_owned(), Outcome::Fail, r.complaint())).collect();
+    let mut verdicts: Vec<Verdict> =
+        failed.map(|r| of(r.name().to_owned(), VerdictStatus::Fail, r.complaint())).collect();
     let passed = reported.len() - verdicts.len();
     if passed > 0 {
-        let reason = format!("{passed} of {} end as expected", reported.len());
-        verdicts.push(of("experiments".to_owned(), Outcome::Pass, reason));
+        let reason = format!("{passed} of {} scenes end as expected", reported.len());
+        verdicts.push(of("experiments".to_owned(), VerdictStatus::Pass, reason));
     }
     verdicts
 }
@@ -111,7 +112,7 @@ fn figure(_: &FinishedRun, _: &str) -> miette::Result<String> {
     Ok(String::new())
 }
 
-/// What the name of a scene over the limit surface ends with, after that of the scene it repeats.
+/// Suffix of a scene over the limit surface, after the name of the scene that it repeats.
 const VARIANT: &str = "-subdivision";
 
 fn figure_of(r: &Reported) -> Markup {
@@ -121,7 +122,7 @@ fn figure_of(r: &Reported) -> Markup {
             figcaption {
                 b { (r.name()) } ": normal (solid) and tangential (dotted) force on the instrument. "
                 @if let Some(share) = r.run.summary.stick_share {
-                    (format!("{:.0} % of the ticks in contact stick. ", 100.0 * share))
+                    (format!("The contact sticks in {:.0} % of its stick and slip ticks. ", 100.0 * share))
                 }
                 @if let Some(counts) = &r.run.summary.condensation { (counts) ". " }
                 @if let Some(fault) = &r.run.summary.fault { (fault) "." }
@@ -130,7 +131,7 @@ fn figure_of(r: &Reported) -> Markup {
     }
 }
 
-/// What failed comes first.
+/// Builds the section of all scenes; those that failed come first.
 pub fn section(reported: &[Reported]) -> Markup {
     let variant = |r: &Reported| {
         let name = format!("{}{VARIANT}", r.name());
@@ -149,10 +150,10 @@ pub fn section(reported: &[Reported]) -> Markup {
     html! {
         h2 #experiments { "Experiments" }
         p {
-            "A tip is pressed into a block of masses, springs and dampers and dragged over it. The table has \
-             a row per scene; its jump is the largest change of force between two ticks in contact, its \
-             energy residual what the contact scheme and the exterior of the local model made or lost, \
-             relative to the work of the instrument."
+            "A tip is pressed into a network of masses, springs and dampers and dragged over it. Largest force jump: \
+             the largest change of force between two successive ticks in contact. Energy residual: the energy that \
+             the contact scheme and the local model's exterior generate (negative) or lose (positive), relative to \
+             the instrument's Σ|f·Δq|. Ticks tunnelled: ticks in which the tip is inside the surface without force."
         }
         (page::table("", table::HEAD, order.iter().map(row)))
         @for r in order.iter().filter(|r| !is_variant(r)) {

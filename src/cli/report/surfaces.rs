@@ -1,16 +1,17 @@
-//! Contact surfaces and schemes compared, on a page.
+//! The section that compares contact surfaces and schemes.
 
 use maud::{Markup, PreEscaped, html};
 use serde::Serialize;
 
 use crate::cli::page;
 use crate::cli::progress::Progress;
-use crate::verify::surfaces::{self, Combination, Felt};
+use crate::cli::table::fixed;
+use crate::verify::surfaces::{self, Combination, SurfaceMeasures};
 
-/// How often the deep drags' block is divided.
+/// Refinements of the block of the deep drags.
 const REFINEMENTS: [usize; 2] = [1, 2];
 
-/// A row of the comparison, in `report.json` too.
+/// A row of the comparison, also in `report.json`.
 #[derive(Serialize)]
 pub struct SurfaceEntry {
     drag: &'static str,
@@ -18,7 +19,7 @@ pub struct SurfaceEntry {
     scheme: &'static str,
     spacing_m: f64,
     #[serde(flatten)]
-    felt: Felt,
+    measures: SurfaceMeasures,
 }
 
 /// Runs every combination.
@@ -28,9 +29,10 @@ pub fn compare() -> miette::Result<Vec<SurfaceEntry>> {
     let mut compared = Vec::with_capacity(grid.len());
     for Combination { drag, surface, scheme, spacing_m, scene } in &grid {
         progress.begin(&scene.name);
-        let felt = surfaces::feel(scene, |ticks| progress.set(ticks)).map_err(|error| miette::miette!("{error}"))?;
+        let measures =
+            surfaces::measure(scene, |ticks| progress.set(ticks)).map_err(|error| miette::miette!("{error}"))?;
         progress.end(scene.tick_count());
-        compared.push(SurfaceEntry { drag, surface, scheme, spacing_m: *spacing_m, felt });
+        compared.push(SurfaceEntry { drag, surface, scheme, spacing_m: *spacing_m, measures });
     }
     Ok(compared)
 }
@@ -52,11 +54,11 @@ fn figure(compared: &[SurfaceEntry]) -> miette::Result<String> {
                 column: columns.iter().position(|column| *column == name).unwrap_or(0),
                 series: series.iter().position(|drag| *drag == entry.drag).unwrap_or(0),
                 hollow: entry.spacing_m < coarse,
-                relative: entry.felt.jump_relative,
+                relative: entry.measures.jump_relative,
             }
         })
         .collect();
-    jumps(&columns, &series, &marks).map_err(|error| miette::miette!("cannot draw the jumps: {error}"))
+    jumps(&columns, &series, &marks).map_err(|error| miette::miette!("cannot draw the force jumps: {error}"))
 }
 
 #[cfg(not(feature = "plots"))]
@@ -70,29 +72,29 @@ const HEAD: [&str; 11] = [
     "spacing (mm)",
     "mean force (N)",
     "largest jump (N)",
-    "jump / force",
+    "jump / mean force",
     "power above 100 Hz (N²)",
-    "ripple over the mesh",
-    "losses",
+    "ripple at edge crossings",
+    "contact losses",
     "mode switches (1/s)",
     "energy residual",
 ];
 
 fn row(entry: &SurfaceEntry) -> [String; 11] {
-    let percent = |value: f64| format!("{:.2} %", 100.0 * value);
-    let felt = &entry.felt;
+    let percent = |value: f64| format!("{} %", fixed(100.0 * value, 2));
+    let measures = &entry.measures;
     [
         entry.drag.to_owned(),
         format!("{}, {}", entry.surface, entry.scheme),
         format!("{:.2}", 1e3 * entry.spacing_m),
-        format!("{:.3}", felt.mean_force_n),
-        format!("{:.4}", felt.largest_jump_n),
-        percent(felt.jump_relative),
-        format!("{:.1e}", felt.power_above_100_hz_n2),
-        felt.mesh_ripple_relative.map_or("–".to_owned(), percent),
-        felt.contact_losses.to_string(),
-        format!("{:.1}", felt.mode_switches_per_s),
-        felt.fault.clone().unwrap_or_else(|| percent(felt.energy_residual_relative)),
+        fixed(measures.mean_force_n, 3),
+        fixed(measures.largest_jump_n, 4),
+        percent(measures.jump_relative),
+        format!("{:.1e}", measures.power_above_100_hz_n2),
+        measures.mesh_ripple_relative.map_or("–".to_owned(), percent),
+        measures.contact_losses.to_string(),
+        format!("{:.1}", measures.mode_switches_per_s),
+        measures.fault.clone().unwrap_or_else(|| percent(measures.energy_residual_relative)),
     ]
 }
 
@@ -101,13 +103,15 @@ pub fn section(compared: &[SurfaceEntry]) -> miette::Result<Markup> {
     Ok(html! {
         h2 #surfaces { "Contact surfaces and schemes" }
         p {
-            "The deep drags with the whole network at the haptic rate, so that nothing but the contact \
-             differs, over two meshes of the same block, from the end of the press on. Filled marks: the \
-             coarser mesh."
+            "The deep drags with the whole network at the haptic rate, so that only the contact differs, over two \
+             meshes of the same block, evaluated after the press. Filled marks: the coarser mesh."
         }
-        figure { (PreEscaped(figure)) figcaption { "Largest change of force between two ticks in contact over the mean force." } }
+        figure {
+            (PreEscaped(figure))
+            figcaption { "Largest change of force between two ticks in contact over the mean force." }
+        }
         details {
-            summary { "The numbers" }
+            summary { "Table of all combinations" }
             (page::table("", HEAD, compared.iter().map(row)))
         }
     })

@@ -1,53 +1,53 @@
-//! What came of it all, what failed first.
+//! The verdicts of a report, failures first.
 
 use maud::{Markup, html};
 use serde::Serialize;
 
-/// Worst first.
+/// Status of a verdict; the worst is the smallest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "UPPERCASE")]
-pub enum Outcome {
+pub enum VerdictStatus {
     Fail,
     Inconclusive,
     Pass,
 }
 
-impl Outcome {
+impl VerdictStatus {
     fn name(self) -> &'static str {
         match self {
-            Outcome::Fail => "FAIL",
-            Outcome::Inconclusive => "INCONCLUSIVE",
-            Outcome::Pass => "PASS",
+            VerdictStatus::Fail => "FAIL",
+            VerdictStatus::Inconclusive => "INCONCLUSIVE",
+            VerdictStatus::Pass => "PASS",
         }
     }
 
     fn class(self) -> &'static str {
         match self {
-            Outcome::Fail => "fail",
-            Outcome::Inconclusive => "inconclusive",
-            Outcome::Pass => "pass",
+            VerdictStatus::Fail => "fail",
+            VerdictStatus::Inconclusive => "inconclusive",
+            VerdictStatus::Pass => "pass",
         }
     }
 
     pub fn pass_if(holds: bool) -> Self {
-        if holds { Outcome::Pass } else { Outcome::Fail }
+        if holds { VerdictStatus::Pass } else { VerdictStatus::Fail }
     }
 }
 
-/// A line of the list.
+/// A verdict of the report.
 #[derive(Debug, Serialize)]
 pub struct Verdict {
     pub what: String,
-    pub outcome: Outcome,
+    pub outcome: VerdictStatus,
     pub reason: String,
-    /// Whether a FAIL of it is one of the command: not where the machine is judged, or an earlier run.
+    /// Whether its FAIL makes the command fail; false for verdicts on the machine or on an earlier run.
     pub decides: bool,
-    /// Section of the page that it is about.
+    /// Id of the page's section that it belongs to.
     #[serde(skip)]
     pub section: &'static str,
 }
 
-/// Sorts the worst to the top.
+/// Sorts verdicts, the worst first.
 pub fn worst_first(verdicts: &mut [Verdict]) {
     verdicts.sort_by_key(|verdict| verdict.outcome);
 }
@@ -64,7 +64,7 @@ pub fn list(verdicts: &[Verdict]) -> Markup {
     }
 }
 
-/// The same for the terminal.
+/// Builds the lines of the verdicts for the terminal.
 pub fn lines(verdicts: &[Verdict]) -> String {
     let line = |verdict: &Verdict| format!("{}: {}: {}", verdict.outcome.name(), verdict.what, verdict.reason);
     verdicts.iter().map(line).collect::<Vec<_>>().join("\n")

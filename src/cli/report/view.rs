@@ -1,4 +1,4 @@
-//! The 3-D view: runs that one can turn and replay. Everything it needs is in the page.
+//! The 3-D view, in which runs can be turned and replayed. The page contains everything that it needs.
 
 use base64::{Engine, prelude::BASE64_STANDARD};
 use maud::{Markup, PreEscaped, html};
@@ -7,30 +7,30 @@ use serde::Serialize;
 use super::runs::Reported;
 use crate::output::frames::Frames;
 
-/// What `three/README.md` says how to make.
+/// Bundle of three.js; `three/README.md` describes how to make it.
 const THREE: &str = include_str!("view/three/three.bundle.min.js");
-/// Of three.js.
+/// Licence of three.js.
 pub const LICENCE: &str = include_str!("view/three/LICENSE");
 const SCRIPT: &str = include_str!("view/view.js");
 const STYLE: &str = include_str!("view/view.css");
 
-/// What positions of all runs take in the page, at most, before they are written as text.
+/// Largest size of the positions of all runs in the page, bytes, before they are encoded as text.
 const MOST_BYTES: usize = 3_000_000;
 
-/// What one of so many runs may take.
+/// Returns the largest size of one of several runs, bytes.
 pub fn share(runs: usize) -> usize {
     MOST_BYTES / runs.max(1)
 }
 
-/// A run as the script reads it.
+/// A run in the form that the script reads.
 #[derive(Serialize)]
 struct ViewedRun<'a> {
     scene: &'a str,
-    /// How it ended.
+    /// Outcome of the run.
     outcome: &'static str,
     #[serde(flatten)]
     frames: &'a Frames,
-    /// 16-bit numbers, lower byte first, in base 64.
+    /// 16-bit numbers in base 64, lower byte first.
     first: String,
     positions: String,
 }
@@ -40,7 +40,7 @@ fn encoded(steps: &[u16]) -> String {
     BASE64_STANDARD.encode(bytes)
 }
 
-/// JSON that nothing in it can end: `<` only stands in strings.
+/// Serialises a value as JSON that cannot end its script element: `<` occurs in strings only, and is escaped.
 fn inlined(value: &impl Serialize) -> serde_json::Result<String> {
     Ok(serde_json::to_string(value)?.replace('<', "\\u003c"))
 }
@@ -58,8 +58,9 @@ pub fn section(reported: &[Reported]) -> miette::Result<Markup> {
     Ok(html! {
         h2 #view { "3-D view" }
         p {
-            "The surface as the local side has it: the patch of the local model (orange nodes) in motion, everything else as \
-             that model holds it until the next one comes. Dark nodes are fixed. The arrow is the force on the instrument."
+            "The surface as the servo loop has it. Orange nodes are the patch of the local model and move with every \
+             tick. All other nodes are where that model holds them until the next hand-over; dark nodes are fixed. \
+             The arrow is the force on the instrument."
         }
         @if !viewed.is_empty() {
             style { (PreEscaped(STYLE)) }
@@ -83,17 +84,20 @@ pub fn section(reported: &[Reported]) -> miette::Result<Markup> {
                     button #view-reset type="button" { "Reset view" }
                 }
                 p #view-keys {
-                    "Drag to turn, wheel or two fingers to zoom. With the keyboard, in the picture: arrows turn, + and − zoom, space \
-                     plays, , and . step."
+                    "Drag to turn; use the wheel or two fingers to zoom. Keys, with the view in focus: arrows turn, \
+                     + and − zoom, space plays and pauses, comma and full stop step."
                 }
             }
-            p #view-none { "The 3-D view needs JavaScript and WebGL, and this browser gives it none. All else is here." }
+            p #view-none {
+                "The 3-D view needs JavaScript and WebGL, which this browser does not provide. The rest of the report \
+                 is complete."
+            }
             script #view-data type="application/json" { (PreEscaped(data)) }
             script { (PreEscaped(THREE)) }
             script { (PreEscaped(SCRIPT)) }
         }
         @for r in reported {
-            @if let Err(reason) = &r.frames { p { (r.name()) " is not in the view: " (reason) "." } }
+            @if let Err(reason) = &r.frames { p { (r.name()) " is not in the 3-D view: " (reason) "." } }
         }
     })
 }

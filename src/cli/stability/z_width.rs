@@ -1,4 +1,4 @@
-//! Virtual walls that the modelled device renders quietly: table, section of the page, figure.
+//! Virtual walls that the modelled device renders without shaking: table, section of the page and figure.
 
 use comfy_table::{Table, presets::UTF8_FULL_CONDENSED};
 use maud::{Markup, PreEscaped, html};
@@ -7,18 +7,18 @@ use crate::cli::page;
 use crate::device::phantom::PhantomSettings;
 use crate::verify::z_width::{DAMPINGS_N_S_PER_M, QUIET_M, RATES_HZ, WallLimit, ZWidthError, wall_limit};
 
-/// Rates, Hz, with dampings, N·s/m.
+/// Returns all pairs of servo rate, Hz, and wall damping, N·s/m.
 pub fn points() -> Vec<[f64; 2]> {
     RATES_HZ.iter().flat_map(|&rate| DAMPINGS_N_S_PER_M.map(|damping| [rate, damping])).collect()
 }
 
-/// The limit at one of them, for the device as it is by default.
+/// Measures the limit at one pair, for the default device.
 pub fn limit(&[rate, damping]: &[f64; 2]) -> Result<WallLimit, ZWidthError> {
     wall_limit(&PhantomSettings::default(), rate, damping)
 }
 
 const HEAD: [&str; 6] =
-    ["rate", "damping of the wall", "quiet up to", "2(b − |B|)/h", "2f_c/Δ", "passive walls are quiet"];
+    ["servo rate", "wall damping", "stiffest quiet wall", "2(b − |B|)/h", "2f_c/Δ", "passive walls are quiet"];
 
 fn row(limit: &WallLimit) -> [String; 6] {
     let stiffness = |value: f64| format!("{value:.0} N/m");
@@ -56,16 +56,17 @@ pub fn section(limits: &[WallLimit]) -> miette::Result<Markup> {
     Ok(html! {
         h3 { "Virtual walls" }
         p {
-            "The stiffest wall into which the modelled hand can lead the modelled device (both as they are by default, \
-             whatever the scene's) without the tip shaking by more than " (1e3 * QUIET_M) " mm. Marks: measured on the \
-             sampled loop with encoders, quantised currents and the delay of a tick. Lines: bounds of Colgate and \
-             Schenkel and of Abbott and Okamura; a wall below both is passive in any hand. They are sufficient, so \
-             that no mark may be below the lower of them, and marks far above contradict nothing: this hand adds \
-             damping, and near rest the joints' friction resists like a damper far above their own."
+            "Stiffest wall into which the modelled hand can lead the modelled device without the tip shaking by more \
+             than " (1e3 * QUIET_M) " mm. Hand and device have their default parameters, whatever the scene. Marks: \
+             measured on the sampled loop with encoders, quantised currents and a delay of one tick. Lines: passivity \
+             bounds of Colgate and Schenkel, 2(b − |B|)/h, and of Abbott and Okamura, 2f_c/Δ; a wall below both is \
+             passive in any hand. The bounds are sufficient: no mark may be below the lower one, and marks may be far \
+             above. This hand adds damping, and near rest the friction of the joints resists like a damper far above \
+             their own."
         }
-        figure { (PreEscaped(figure(limits)?)) figcaption { "Stiffest quiet wall by its damping." } }
+        figure { (PreEscaped(figure(limits)?)) figcaption { "Stiffest quiet wall over its damping." } }
         details {
-            summary { "The numbers" }
+            summary { "Table of all walls" }
             (page::table("", HEAD, rows))
         }
     })
@@ -82,7 +83,7 @@ fn figure(limits: &[WallLimit]) -> miette::Result<String> {
             by_damping: of_rate().map(|limit| limit.by_damping_n_per_m).collect(),
         }
     });
-    // Neither rate nor damping is in it.
+    // This bound depends on neither rate nor damping.
     let by_friction = limits.first().and_then(|limit| limit.by_friction_n_per_m);
     z_width(&DAMPINGS_N_S_PER_M, &curves, by_friction)
         .map_err(|error| miette::miette!("cannot draw the virtual walls: {error}"))

@@ -1,11 +1,11 @@
-//! From a force to the currents that motors get, and from joint angles to what encoders tell.
+//! Actuation: motor currents from a commanded force, and encoder readings from joint angles.
 
 use std::f64::consts::TAU;
 
 use super::kinematics::jacobian;
 use crate::Vec3;
 
-/// Motors, gears, encoders and limits.
+/// Settings of motors, gears, encoders and limits.
 ///
 /// ```
 /// use stickslip::Vec3;
@@ -19,36 +19,36 @@ use crate::Vec3;
 /// assert!(!command.is_limited && (felt - Vec3::y()).norm() < 1e-3); // 16 bits are fine enough
 /// assert_eq!(motors.current_step(), Some(5.5 / 32768.0));
 ///
-/// // Beyond the published 8.5 N the force is scaled down; one that is not finite is none.
+/// // Beyond the published 8.5 N the force is scaled down; one that is not finite becomes zero.
 /// let strong = motors.command(&home, &(Vec3::y() * 20.0));
 /// assert!(strong.is_limited);
 /// assert!(tip_force(&home, &motors.torque(&strong.current)).norm() <= 8.5);
 /// assert_eq!(motors.command(&home, &Vec3::repeat(f64::NAN)).current, Vec3::zeros());
 ///
-/// // What the encoders tell is off by half a count at most.
+/// // Encoder readings are off by half a count at most.
 /// let angles = Vec3::new(0.1, 0.2, 0.3);
 /// let off = (motors.encode(&angles) - angles).abs();
 /// assert!((0..3).all(|joint| off[joint] <= 0.5 * motors.angle_step()[joint] + 1e-15));
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ActuationSettings {
-    /// Torque of a motor per current, N·m/A: Maxon RE 25, 118743.
+    /// Torque constant of a motor, N·m/A: Maxon RE 25, 118743.
     pub torque_constant: f64,
-    /// Turns of a motor per turn of its joint.
+    /// Capstan ratio: turns of a motor per turn of its joint.
     pub capstan_ratio: Vec3,
-    /// Largest current of a motor, A: where it stalls at 24 V.
+    /// Largest current of a motor, A: its stall current at 24 V.
     pub largest_current: f64,
-    /// Bits of a current command from −limit to +limit; 0 if it is not quantised. Assumed.
+    /// Number of bits of a current command from −limit to +limit; 0 if it is not quantised. Assumed.
     pub torque_bits: u32,
-    /// Bandwidth of the amplifiers, a first-order lag, Hz. Assumed.
+    /// Bandwidth of the amplifiers, modelled as a first-order lag, Hz. Assumed.
     pub amplifier_bandwidth: f64,
     /// Encoder counts per turn of a motor: 1024 lines, four edges each; 0 if angles are not quantised.
     pub encoder_counts: f64,
     /// Largest force commanded, N: the device's published maximum.
     pub largest_force: f64,
-    /// Force that the device is published to sustain, N.
+    /// Published continuous force of the device, N.
     pub continuous_force: f64,
-    /// Time constant of the mean force that is held against `continuous_force`, s. Assumed.
+    /// Time constant of the mean force that is compared with `continuous_force`, s. Assumed.
     pub thermal_time: f64,
 }
 
@@ -68,33 +68,33 @@ impl Default for ActuationSettings {
     }
 }
 
-/// Currents that stand for a force.
+/// A current command for a force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CurrentCommand {
-    /// What the amplifiers get, A.
+    /// Currents commanded to the amplifiers, A.
     pub current: Vec3,
-    /// Whether a limit has changed more than the last step of it, or the force was not finite.
+    /// Whether a limit changed the command by more than its last step, or the force was not finite.
     pub is_limited: bool,
 }
 
 impl ActuationSettings {
-    /// Motor torques at the joints, N·m, for currents in A.
+    /// Returns the motor torques at the joints, N·m, for currents in A.
     pub fn torque(&self, current: &Vec3) -> Vec3 {
         self.capstan_ratio.component_mul(current) * self.torque_constant
     }
 
-    /// The current between two neighbouring commands, A, if they are quantised.
+    /// Returns the step between neighbouring current commands, A; `None` if they are not quantised.
     pub fn current_step(&self) -> Option<f64> {
         (self.torque_bits > 0).then(|| self.largest_current / self.half_steps())
     }
 
-    /// Steps from no current to the limit.
+    /// Returns the number of steps from zero current to the limit.
     fn half_steps(&self) -> f64 {
         0.5 * f64::from(self.torque_bits).exp2()
     }
 
-    /// The command for a force at the tip (device axes, N): scaled to the force limit, turned to torques by Jᵀ, clamped
-    /// to the current limit, rounded to a step. A force that is not finite becomes no current at all.
+    /// Returns the command for a force at the tip (device axes, N): scaled to the force limit, mapped to torques by Jᵀ,
+    /// clamped to the current limit, rounded to a step. A force that is not finite becomes zero current.
     pub fn command(&self, angles: &Vec3, force: &Vec3) -> CurrentCommand {
         let magnitude = force.norm();
         if !magnitude.is_finite() {
@@ -112,7 +112,7 @@ impl ActuationSettings {
         CurrentCommand { current, is_limited: is_too_strong || wanted.amax() > self.largest_current }
     }
 
-    /// The joint angles that the encoders tell, rad: the nearest whole counts.
+    /// Returns the joint angles read by the encoders, rad: the nearest whole counts.
     pub fn encode(&self, angles: &Vec3) -> Vec3 {
         if self.encoder_counts == 0.0 {
             return *angles;
@@ -121,7 +121,7 @@ impl ActuationSettings {
         angles.zip_map(&counts_per_rad, |angle, counts| (angle * counts).round() / counts)
     }
 
-    /// The angles between two neighbouring counts, rad; 0 if they are not quantised.
+    /// Returns the angles between neighbouring counts, rad; 0 if they are not quantised.
     pub fn angle_step(&self) -> Vec3 {
         if self.encoder_counts == 0.0 {
             return Vec3::zeros();
@@ -129,7 +129,7 @@ impl ActuationSettings {
         self.capstan_ratio.map(|ratio| TAU / (ratio * self.encoder_counts))
     }
 
-    /// ω of the amplifiers' lag i̇ = ω(i_commanded − i), 1/s.
+    /// Returns ω of the amplifiers' lag i̇ = ω(i_commanded − i), 1/s.
     pub(super) fn amplifier_rate(&self) -> f64 {
         TAU * self.amplifier_bandwidth
     }

@@ -1,20 +1,20 @@
-//! M(θ)θ̈ + C(θ, θ̇)θ̇ + N(θ) = τ: how the joints of a PHANTOM Premium 1.5 answer torques.
+//! M(θ)θ̈ + C(θ, θ̇)θ̇ + N(θ) = τ: the joint dynamics of a PHANTOM Premium 1.5.
 //!
 //! M and N with the identified π₁…π₈: Çavuşoğlu, Feygin, Tendick 2002 (see [`kinematics`](super::kinematics)). C is
-//! made of the Christoffel symbols of M, so that Ṁ − 2C is skew-symmetric and the motion without friction keeps its
+//! made of the Christoffel symbols of M, so that Ṁ − 2C is skew-symmetric and the motion without friction conserves
 //! energy. This makes C₃₂ = ∂M₂₃/∂θ₂ θ̇₂ = −½π₄cos(θ₂ − θ₃)θ̇₂, which some printings give with a +.
 
 use crate::{Mat3, Vec3};
 
-/// π₁…π₆, kg·m².
+/// Identified inertia parameters π₁…π₆, kg·m².
 const INERTIA: [f64; 6] = [2.8328e-3, 1.1319e-3, -0.3912e-3, 0.9123e-3, 2.4264e-3, 0.9319e-3];
-/// π₇ and π₈, N·m.
+/// Identified gravity parameters π₇ and π₈, N·m.
 const GRAVITY: [f64; 2] = [-0.01630, -0.07376];
-/// No pose has an eigenvalue of M below this, kg·m²: M₁₁ is at least π₁ − π₂ − |π₃| − π₄, and the block of θ₂ and θ₃
-/// with |M₂₃| = ½π₄ has 0.80e-3.
+/// Lower bound of the eigenvalues of M in any pose, kg·m²: M₁₁ is at least π₁ − π₂ − |π₃| − π₄, and the block of θ₂ and
+/// θ₃ with |M₂₃| = ½π₄ has 0.80e-3.
 pub(super) const LEAST_INERTIA: f64 = INERTIA[0] - INERTIA[1] + INERTIA[2] - INERTIA[3];
 
-/// What is assumed of the joints beyond the identified model.
+/// Assumed settings of the joints beyond the identified model.
 ///
 /// ```
 /// use stickslip::Vec3;
@@ -22,12 +22,12 @@ pub(super) const LEAST_INERTIA: f64 = INERTIA[0] - INERTIA[1] + INERTIA[2] - INE
 ///
 /// let joints = JointSettings::default();
 /// let (angles, rest) = (Vec3::new(0.3, 0.2, 0.1), Vec3::zeros());
-/// // Motors that carry the weight keep it at rest, and M θ̈ is what they exert beyond that.
+/// // Motor torques that carry the weight keep it at rest; M θ̈ is the torque beyond that.
 /// assert!(joints.acceleration(&angles, &rest, &gravity(&angles)).norm() < 1e-12);
 /// let torque = Vec3::new(1e-3, -2e-3, 3e-3);
 /// let acceleration = joints.acceleration(&angles, &rest, &(gravity(&angles) + torque));
 /// assert!((joints.inertia(&angles) * acceleration - torque).norm() < 1e-15);
-/// // In motion, friction takes energy whichever way the joints turn.
+/// // In motion, friction dissipates energy whichever way the joints turn.
 /// let rates = Vec3::new(1.0, -1.0, 0.5);
 /// assert!(joints.resistance(&rates).dot(&rates) > 0.0);
 /// let kinetic = joints.energy(&angles, &rates) - joints.energy(&angles, &rest);
@@ -40,10 +40,10 @@ pub struct JointSettings {
     /// Coulomb friction of each joint, N·m. The default is the device's published backdrive friction of 0.04 N at the
     /// tip, at home.
     pub friction: Vec3,
-    /// Friction is τ_c tanh(θ̇/ω): the speed ω over which it turns, rad/s. Assumed.
+    /// Speed ω over which the friction τ_c tanh(θ̇/ω) changes sign, rad/s. Assumed.
     pub friction_speed: f64,
-    /// Inertia of the rotors seen from the joints, kg·m²: what is to be added to M's diagonal. None by default: the
-    /// identified M is taken to contain it.
+    /// Inertia of the rotors seen from the joints, kg·m², added to M's diagonal. Zero by default: the identified M is
+    /// taken to contain it.
     pub rotor_inertia: Vec3,
 }
 
@@ -59,7 +59,7 @@ impl Default for JointSettings {
 }
 
 impl JointSettings {
-    /// M, kg·m².
+    /// Returns the inertia matrix M, kg·m².
     pub fn inertia(&self, angles: &Vec3) -> Mat3 {
         let [p1, p2, p3, p4, p5, p6] = INERTIA;
         let (t2, t3) = (angles.y, angles.z);
@@ -68,7 +68,7 @@ impl JointSettings {
         Mat3::new(turn, 0.0, 0.0, 0.0, p5, between, 0.0, between, p6) + Mat3::from_diagonal(&self.rotor_inertia)
     }
 
-    /// θ̈, rad/s², under a torque (N·m) in addition to those of motion, gravity and friction.
+    /// Returns θ̈, rad/s², under a torque (N·m) in addition to those of motion, gravity and friction.
     pub fn acceleration(&self, angles: &Vec3, rates: &Vec3, torque: &Vec3) -> Vec3 {
         let inertia = self.inertia(angles);
         let sum = torque - coriolis(angles, rates) * rates - gravity(angles) - self.resistance(rates);
@@ -81,26 +81,26 @@ impl JointSettings {
         )
     }
 
-    /// What damping and friction take, Bθ̇ + τ_c tanh(θ̇/ω), N·m.
+    /// Returns the resisting torque of damping and friction, Bθ̇ + τ_c tanh(θ̇/ω), N·m.
     pub fn resistance(&self, rates: &Vec3) -> Vec3 {
         let friction = rates.map(|rate| (rate / self.friction_speed).tanh());
         self.damping.component_mul(rates) + self.friction.component_mul(&friction)
     }
 
-    /// ½θ̇ᵀMθ̇ plus the potential of N, π₇s₂ − π₈c₃, J.
+    /// Returns the energy ½θ̇ᵀMθ̇ plus the potential of N, π₇s₂ − π₈c₃, J.
     pub fn energy(&self, angles: &Vec3, rates: &Vec3) -> f64 {
         let potential = GRAVITY[0] * angles.y.sin() - GRAVITY[1] * angles.z.cos();
         0.5 * rates.dot(&(self.inertia(angles) * rates)) + potential
     }
 }
 
-/// C, N·m·s/rad.
+/// Returns the Coriolis matrix C, N·m·s/rad.
 ///
 /// ```
 /// use stickslip::Vec3;
 /// use stickslip::device::phantom::dynamics::{JointSettings, coriolis};
 ///
-/// // Ṁ − 2C is skew-symmetric: what moves by itself keeps its energy.
+/// // Ṁ − 2C is skew-symmetric: free motion conserves energy.
 /// let (angles, rates, h) = (Vec3::new(0.3, 0.2, 0.1), Vec3::new(1.0, -2.0, 3.0), 1e-5);
 /// let inertia = |time: f64| JointSettings::default().inertia(&(angles + rates * time));
 /// let rate = (inertia(h) - inertia(-h)) / (2.0 * h);
@@ -127,13 +127,13 @@ pub fn coriolis(angles: &Vec3, rates: &Vec3) -> Mat3 {
     )
 }
 
-/// N, N·m.
+/// Returns the gravity torque N, N·m.
 ///
 /// ```
 /// use stickslip::Vec3;
 /// use stickslip::device::phantom::dynamics::{JointSettings, gravity};
 ///
-/// // The gradient of the potential.
+/// // N is the gradient of the potential.
 /// let (angles, h) = (Vec3::new(0.3, 0.2, 0.1), 1e-5);
 /// let potential = |joint, by: f64| {
 ///     JointSettings::default().energy(&(angles + Vec3::ith(joint, by)), &Vec3::zeros())

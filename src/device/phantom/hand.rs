@@ -1,11 +1,11 @@
-//! The hand that holds the stylus, in each axis by itself: stylus –(k₁ ‖ b₁)– mass –(k₂ ‖ b₂)– where it wants to be.
+//! The hand that holds the stylus, in each axis by itself: stylus –(k₁ ‖ b₁)– mass –(k₂ ‖ b₂)– set-point.
 //!
 //! M. J. Fu, M. C. Çavuşoğlu, *Human-arm-and-hand-dynamic model with variability analyses for a stylus-based haptic
 //! interface*, IEEE Transactions on Systems, Man, and Cybernetics B 42(6), 2012; measured on this device, pen grip.
 
 use crate::Vec3;
 
-/// Parameters in device axes: x left to right, y up, z fore and aft.
+/// Parameters of the hand in device axes: x left to right, y up, z fore and aft.
 ///
 /// ```
 /// use stickslip::{Vec3, device::phantom::hand::{HandSettings, Moving}};
@@ -13,11 +13,11 @@ use crate::Vec3;
 /// let hand = HandSettings::default();
 /// let at = |x, speed| Moving { position: Vec3::x() * x, velocity: Vec3::x() * speed };
 /// let (target, holds, stylus) = (at(0.003, 0.0), at(0.002, 0.0), at(0.0, 0.0));
-/// // 2 mm of grip and 1 mm of arm.
+/// // The grip is stretched by 2 mm and the arm by 1 mm.
 /// assert_eq!(hand.grip_force(&holds, &stylus).x, hand.stylus_stiffness.x * 0.002);
 /// assert!((hand.arm_force(&target, &holds).x - hand.arm_stiffness.x * 0.001).abs() < 1e-12);
 /// assert_eq!(hand.dissipation(&target, &holds, &stylus), 0.0); // at rest
-/// // Moving as one takes ½mv² of the grip and arm that are not stretched.
+/// // Moving as one takes ½mv²: the grip and arm are not stretched.
 /// let moving = at(0.0, 0.1);
 /// assert_eq!(hand.energy(&moving, &moving, &moving), 0.5 * (hand.mass.x * (0.1 * 0.1)));
 /// ```
@@ -25,13 +25,13 @@ use crate::Vec3;
 pub struct HandSettings {
     /// Mass, kg.
     pub mass: Vec3,
-    /// k₁, of the grip, N/m.
+    /// Stiffness k₁ of the grip, N/m.
     pub stylus_stiffness: Vec3,
-    /// b₁, of the grip, N·s/m.
+    /// Damping b₁ of the grip, N·s/m.
     pub stylus_damping: Vec3,
-    /// k₂, of the arm, N/m.
+    /// Stiffness k₂ of the arm, N/m.
     pub arm_stiffness: Vec3,
-    /// b₂, of the arm, N·s/m.
+    /// Damping b₂ of the arm, N·s/m.
     pub arm_damping: Vec3,
 }
 
@@ -47,27 +47,27 @@ impl Default for HandSettings {
     }
 }
 
-/// A point that moves: m and m/s.
+/// A moving point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moving {
-    /// m.
+    /// Position, m.
     pub position: Vec3,
-    /// m/s.
+    /// Velocity, m/s.
     pub velocity: Vec3,
 }
 
 impl HandSettings {
-    /// What the hand exerts on the stylus, k₁(X − p) + b₁(Ẋ − ṗ), N.
+    /// Returns the force of the hand on the stylus, k₁(X − p) + b₁(Ẋ − ṗ), N.
     pub fn grip_force(&self, hand: &Moving, stylus: &Moving) -> Vec3 {
         pull(&self.stylus_stiffness, &self.stylus_damping, hand, stylus)
     }
 
-    /// What the arm exerts on the hand's mass, k₂(X_t − X) + b₂(Ẋ_t − Ẋ), N.
+    /// Returns the force of the arm on the hand's mass, k₂(X_t − X) + b₂(Ẋ_t − Ẋ), N.
     pub fn arm_force(&self, target: &Moving, hand: &Moving) -> Vec3 {
         pull(&self.arm_stiffness, &self.arm_damping, target, hand)
     }
 
-    /// Energy of mass and springs, J.
+    /// Returns the energy of mass and springs, J.
     pub fn energy(&self, target: &Moving, hand: &Moving, stylus: &Moving) -> f64 {
         let twice = |weights: &Vec3, v: Vec3| weights.dot(&v.component_mul(&v));
         0.5 * (twice(&self.mass, hand.velocity)
@@ -75,7 +75,7 @@ impl HandSettings {
             + twice(&self.arm_stiffness, target.position - hand.position))
     }
 
-    /// What both dampers take, W.
+    /// Returns the power dissipated by both dampers, W.
     pub fn dissipation(&self, target: &Moving, hand: &Moving, stylus: &Moving) -> f64 {
         let power = |damping: &Vec3, v: Vec3| damping.dot(&v.component_mul(&v));
         power(&self.stylus_damping, hand.velocity - stylus.velocity)

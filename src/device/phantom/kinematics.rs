@@ -1,4 +1,4 @@
-//! Where the tip of a PHANTOM Premium 1.5 is for given joint angles, and back.
+//! Forward and inverse kinematics of a PHANTOM Premium 1.5.
 //!
 //! Geometry, home position and Jacobian: M. C. Çavuşoğlu, D. Feygin, F. Tendick, *A critical study of the mechanical
 //! and electrical properties of the PHANToM haptic interface and improvements for high performance control*, Presence
@@ -12,15 +12,15 @@ use thiserror::Error;
 
 use crate::{Mat3, Vec3};
 
-/// l₁, the upper link, m.
+/// Length l₁ of the upper link, m.
 pub const UPPER_LINK: f64 = 0.215;
-/// l₂, the fore link, m.
+/// Length l₂ of the fore link, m.
 pub const FORE_LINK: f64 = 0.170;
-/// The least ρ that counts as a pose, m: on the axis θ₁ is any angle, and no torque of joint 1 pushes the tip. At 1 mm
+/// Least ρ accepted in a pose, m: on the axis θ₁ is undefined, and no torque of joint 1 pushes the tip. At 1 mm
 /// one encoder count of joint 1 is 0.1 µm and one step of its current 0.05 N.
 pub const LEAST_REACH: f64 = 1e-3;
 
-/// What has limits.
+/// Joint angles that have limits.
 ///
 /// ```
 /// use stickslip::Vec3;
@@ -34,21 +34,22 @@ pub const LEAST_REACH: f64 = 1e-3;
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Joint {
-    /// θ₁, about the vertical.
+    /// θ₁, the turn about the vertical.
     Turn,
     /// θ₂, the upper link.
     Upper,
     /// θ₃, the fore link.
     Fore,
-    /// θ₃ − θ₂, between the links.
+    /// θ₃ − θ₂, the angle between the links.
     Elbow,
 }
 
 impl Joint {
-    /// All of them.
+    /// All joints.
     pub const ALL: [Joint; 4] = [Joint::Turn, Joint::Upper, Joint::Fore, Joint::Elbow];
 
-    /// Least and largest angle, degrees. Published limits differ; these are what two sets of them have in common.
+    /// Returns least and largest angle, degrees. Published limits differ; these are what two sets of them have in
+    /// common.
     pub fn limits_deg(self) -> (f64, f64) {
         match self {
             Joint::Turn => (-90.0, 90.0),
@@ -58,7 +59,7 @@ impl Joint {
         }
     }
 
-    /// Its angle among these joint angles, rad.
+    /// Returns the joint's angle, rad, among these joint angles.
     pub fn angle(self, angles: &Vec3) -> f64 {
         match self {
             Joint::Turn => angles.x,
@@ -80,19 +81,19 @@ impl Display for Joint {
     }
 }
 
-/// Why there is no pose.
+/// A reason why there is no pose.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum PoseError {
     /// An angle or a coordinate is NaN or infinite.
     #[error("the pose is not finite")]
     NotFinite,
-    /// The links are too short for it, or too long.
+    /// The tip is too near to the shoulder, or too far.
     #[error(
-        "the tip would be {distance_m:.4} m from the shoulder, which the links reach from {:.3} m to {:.3} m only",
+        "the tip would be {distance_m:.4} m from the shoulder, but the links reach from {:.3} m to {:.3} m only",
         UPPER_LINK - FORE_LINK, UPPER_LINK + FORE_LINK
     )]
     Unreachable {
-        /// From the end of the upper link that does not move.
+        /// Distance from the fixed end of the upper link, m.
         distance_m: f64,
     },
     /// The tip is on the axis of the turning joint, or beyond it.
@@ -101,23 +102,23 @@ pub enum PoseError {
          it needs {LEAST_REACH} m"
     )]
     Singular {
-        /// ρ.
+        /// Distance ρ from the axis of the turning joint, m.
         reach_m: f64,
     },
-    /// A joint is beyond its stop.
+    /// A joint is beyond its limits.
     #[error(
         "{joint} would be at {angle_deg:.2}°, beyond its limits of {}° and {}°",
         joint.limits_deg().0, joint.limits_deg().1
     )]
     JointLimit {
-        /// Which.
+        /// The joint.
         joint: Joint,
-        /// Its angle.
+        /// Angle of the joint, degrees.
         angle_deg: f64,
     },
 }
 
-/// ρ, m.
+/// Returns the distance ρ of the tip from the axis of θ₁, m.
 ///
 /// ```
 /// use stickslip::Vec3;
@@ -131,7 +132,7 @@ pub fn reach(angles: &Vec3) -> f64 {
     UPPER_LINK * angles.y.cos() + FORE_LINK * angles.z.sin()
 }
 
-/// The tip in device axes, m: (s₁ρ, l₂ − l₂c₃ + l₁s₂, c₁ρ − l₁).
+/// Returns the tip in device axes, m: (s₁ρ, l₂ − l₂c₃ + l₁s₂, c₁ρ − l₁).
 ///
 /// ```
 /// use stickslip::{Vec3, device::phantom::kinematics::{forward, reach}};
@@ -149,7 +150,7 @@ pub fn forward(angles: &Vec3) -> Vec3 {
     Vec3::new(s1 * reach, height, c1 * reach - UPPER_LINK)
 }
 
-/// J = ∂tip/∂θ, m/rad.
+/// Returns the Jacobian J = ∂tip/∂θ, m/rad.
 ///
 /// ```
 /// use stickslip::{Vec3, device::phantom::kinematics::{forward, jacobian}};
@@ -174,7 +175,7 @@ pub fn jacobian(angles: &Vec3) -> Mat3 {
     )
 }
 
-/// The joint angles that put the tip there (device axes), rad, by the triangle of shoulder, elbow and tip.
+/// Returns the joint angles of a tip position (device axes), rad, by the triangle of shoulder, elbow and tip.
 ///
 /// # Errors
 /// If there are none, or none that [`check`] accepts.
@@ -206,7 +207,7 @@ pub fn inverse(tip: &Vec3) -> Result<Vec3, PoseError> {
     Ok(angles)
 }
 
-/// Whether the device can be in this pose.
+/// Checks that the device can take this pose.
 ///
 /// # Errors
 /// If it is not finite, a joint is beyond a limit, or ρ is less than [`LEAST_REACH`].
@@ -237,7 +238,7 @@ pub fn check(angles: &Vec3) -> Result<(), PoseError> {
     Ok(())
 }
 
-/// J⁻ᵀτ: the force at the tip (device axes, N) that joint torques (N·m) exert. In cylinder coordinates
+/// Returns J⁻ᵀτ, the force at the tip (device axes, N) that joint torques (N·m) exert. In cylindrical coordinates
 /// τ₁ = ρF_φ, τ₂ = l₁(c₂F_y − s₂F_ρ), τ₃ = l₂(s₃F_y + c₃F_ρ). Finite for every pose that [`check`] accepts.
 ///
 /// ```

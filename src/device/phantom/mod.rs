@@ -1,8 +1,8 @@
-//! A PHANTOM Premium 1.5 in a user's hand, as a model: a force that is commanded goes through limits, quantised
-//! currents and amplifiers to the joints, the hand and the joints move each other, and encoders tell where the tip is.
+//! A modelled PHANTOM Premium 1.5 in a user's hand. A commanded force goes through limits, quantised currents and
+//! amplifiers to the joints; joints and hand move each other; encoders measure the tip.
 //!
 //! Tick k runs from kh to (k + 1)h: the plant moves under the command of the tick before, held constant
-//! ([`Phantom::advance`]), the tip is measured at the tick's end, and the simulation answers with the next force
+//! ([`Phantom::advance`]), the tip is measured at the tick's end, and the simulation commands the next force
 //! ([`Phantom::command`]). Gravity of the links is not compensated by the motors.
 
 pub mod actuation;
@@ -24,12 +24,12 @@ use self::plant::{Plant, PlantState};
 use super::path::TipPath;
 use crate::{Mat3, Vec3};
 
-/// The largest rate times substep. RK4 is stable up to 2.78 on the real axis and 2.82 on the imaginary one.
+/// Largest product of rate and substep. RK4 is stable up to 2.78 on the real axis and 2.82 on the imaginary one.
 const STEP_LIMIT: f64 = 2.5;
-/// How far a rotation may be from orthogonal: numbers written with ten digits are fine.
+/// Tolerance of a rotation's orthogonality: numbers written with ten digits are accepted.
 const ROTATION_TOLERANCE: f64 = 1e-9;
 
-/// Where the scene is in the device: device = rotation · scene + offset.
+/// Placement of the scene in the device: device = rotation · scene + offset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Axes {
     /// Scene directions in device axes. By default the scene's z is up, which is the device's y.
@@ -54,14 +54,14 @@ impl Axes {
     }
 }
 
-/// Everything that can be chosen.
+/// All settings of the device and the hand.
 ///
 /// ```
 /// use stickslip::device::phantom::{DeviceError, PhantomSettings};
 ///
 /// let settings = PhantomSettings::default();
 /// settings.check(1e-3)?;
-/// // Ten substeps do for a millisecond, one does not: the amplifiers' lag alone has a rate of 2π·1 kHz.
+/// // Ten substeps suffice for a millisecond, one does not: the amplifiers' lag alone has a rate of 2π·1 kHz.
 /// let coarse = PhantomSettings { substeps: 1, ..settings };
 /// assert!(matches!(coarse.check(1e-3), Err(DeviceError::Substeps { substeps: 1, .. })));
 /// coarse.check(1e-5)?;
@@ -69,15 +69,15 @@ impl Axes {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PhantomSettings {
-    /// Scene and device.
+    /// Placement of the scene in the device.
     pub axes: Axes,
-    /// Friction, damping, rotors.
+    /// Settings of friction, damping and rotors.
     pub joints: JointSettings,
-    /// Motors, encoders, limits.
+    /// Settings of motors, encoders and limits.
     pub actuation: ActuationSettings,
-    /// The user's hand.
+    /// Settings of the user's hand.
     pub hand: HandSettings,
-    /// Integration steps per tick.
+    /// Number of integration steps per tick.
     pub substeps: u32,
 }
 
@@ -93,16 +93,16 @@ impl Default for PhantomSettings {
     }
 }
 
-/// What a parameter has to be.
+/// The accepted range of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Needs {
-    /// Above 0.
+    /// Finite and above 0.
     Positive,
-    /// At least 0.
+    /// Finite and at least 0.
     NotNegative,
-    /// Not NaN, not infinite.
+    /// Neither NaN nor infinite.
     Finite,
-    /// Beyond that many bits, steps are no rounding that matters.
+    /// At most 32: with more bits, quantisation is negligible.
     AtMost32,
 }
 
@@ -117,65 +117,62 @@ impl fmt::Display for Needs {
     }
 }
 
-/// What is wrong with a device, or went wrong in it.
+/// What is wrong with a device's settings, or went wrong in its motion.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum DeviceError {
     /// A parameter is out of range.
     #[error("{name} = {value} must be {needs}")]
     Setting {
-        /// Which.
+        /// Name of the parameter.
         name: &'static str,
-        /// What it is.
+        /// The value given.
         value: f64,
-        /// What it has to be.
+        /// Accepted range.
         needs: Needs,
     },
     /// The axes are not a rotation.
-    #[error(
-        "the axes' rotation is not one: its columns are not of length 1 and at right angles, or it mirrors (off by \
-         {deviation:e})"
-    )]
+    #[error("the axes' rotation is no rotation: its columns are not orthonormal, or it mirrors (off by {deviation:e})")]
     Rotation {
-        /// Largest entry of RᵀR − 1, or of det R − 1.
+        /// Largest magnitude among the entries of RᵀR − 1 and det R − 1.
         deviation: f64,
     },
     /// A tick has too few substeps for the fastest motion.
     #[error("{substeps} substeps of a tick of {tick_s} s are too few for rates of up to {rate:.0} 1/s: take {least}")]
     Substeps {
-        /// How many there are.
+        /// The number of substeps given.
         substeps: u32,
-        /// h, s.
+        /// Tick h, s.
         tick_s: f64,
-        /// An upper bound of all rates, 1/s.
+        /// Upper bound of all rates, 1/s.
         rate: f64,
-        /// How many there have to be at least.
+        /// Least number of substeps accepted.
         least: f64,
     },
-    /// The device cannot be in the pose that it was led to.
+    /// The device cannot take the pose that it is led to.
     #[error("at {time_s} s: {cause}; keep the hand's path inside the device's workspace, or move it with an offset")]
     Pose {
-        /// When, s.
+        /// Time of the pose, s.
         time_s: f64,
-        /// Why not.
+        /// Reason why there is no pose.
         cause: PoseError,
     },
-    /// The motion has left all bounds.
+    /// The motion diverged.
     #[error("at {time_s} s: the state of the device is not finite")]
     NotFinite {
-        /// When, s.
+        /// Time at the start of the tick, s.
         time_s: f64,
     },
 }
 
 impl PhantomSettings {
-    /// Whether every parameter is in range and a tick, s, has substeps enough.
+    /// Checks that every parameter is in range, and that a tick, s, has enough substeps.
     ///
     /// # Errors
-    /// With the first that is not.
-    pub fn check(&self, tick: f64) -> Result<(), DeviceError> {
+    /// If a parameter is out of range, with the first one, or there are too few substeps.
+    pub fn check(&self, tick_s: f64) -> Result<(), DeviceError> {
         let Self { axes, joints, actuation, hand, substeps } = self;
         let positive = [
-            ("the tick (s)", Vec3::repeat(tick)),
+            ("the tick (s)", Vec3::repeat(tick_s)),
             ("the friction speed (rad/s)", Vec3::repeat(joints.friction_speed)),
             ("the torque constant (N·m/A)", Vec3::repeat(actuation.torque_constant)),
             ("a capstan ratio", actuation.capstan_ratio),
@@ -210,15 +207,15 @@ impl PhantomSettings {
         }
         require("the torque bits", &Vec3::repeat(f64::from(actuation.torque_bits)), Needs::AtMost32)?;
         let rate = self.rate_bound();
-        let least = (rate * tick / STEP_LIMIT).ceil();
+        let least = (rate * tick_s / STEP_LIMIT).ceil();
         if !(f64::from(*substeps) >= least && *substeps > 0) {
-            return Err(DeviceError::Substeps { substeps: *substeps, tick_s: tick, rate, least });
+            return Err(DeviceError::Substeps { substeps: *substeps, tick_s, rate, least });
         }
         Ok(())
     }
 
-    /// No motion near rest is faster, 1/s: of ẍ = −(K/m)x − (D/m)ẋ none is faster than √(K/m) + D/m. A generous bound:
-    /// it takes the least inertia of any pose, and the stretched links for the lever of the grip.
+    /// Returns an upper bound of the rates of motion near rest, 1/s: for ẍ = −(K/m)x − (D/m)ẋ it is √(K/m) + D/m. The
+    /// bound is generous: it takes the least inertia of any pose, and the stretched links for the lever of the grip.
     fn rate_bound(&self) -> f64 {
         let Self { joints, actuation, hand, .. } = self;
         let rate = |stiffness: f64, damping: f64, mass: f64| (stiffness / mass).sqrt() + damping / mass;
@@ -266,11 +263,11 @@ fn require(name: &'static str, values: &Vec3, needs: Needs) -> Result<(), Device
 ///     device.command(&(Vec3::z() * 2.0));
 /// }
 /// assert!(device.tip().z > 1e-3 && device.energy_to_hand_j() > 0.0);
-/// // What is measured is off by half a count of each of three encoders, at most.
+/// // The measured tip is off by half a count of each of three encoders, at most.
 /// assert!((device.tip() - device.measured_tip()).amax() <= 1.5 * device.resolution_m().amax());
-/// // Half a second is not long enough for the motors to feel the heat of more than the continuous 1.4 N.
+/// // In half a second the mean force stays below the continuous 1.4 N.
 /// assert!(device.mean_force_n() < 0.1 && !device.overheats());
-/// // More than it can give is limited.
+/// // Forces beyond the limit are reduced.
 /// assert!(device.command(&(Vec3::z() * 20.0)).norm() <= 8.5 + 1e-3 && device.saturated());
 /// assert_eq!(device.settings().actuation.largest_force, 8.5);
 /// assert!(device.state().is_finite());
@@ -280,42 +277,43 @@ fn require(name: &'static str, values: &Vec3, needs: Needs) -> Result<(), Device
 pub struct Phantom {
     plant: Plant,
     state: PlantState,
-    tick: f64,
-    /// What the encoders told at the end of the last tick, rad.
+    tick_s: f64,
+    /// Encoder readings at the end of the last tick, rad.
     measured: Vec3,
-    /// What the amplifiers get, A.
+    /// Currents commanded to the amplifiers, A.
     command: Vec3,
     is_saturated: bool,
     mean_force: f64,
 }
 
 impl Phantom {
-    /// At rest where the hand's target (scene axes) is at 0 s, with the hand there and no current. Ticks are h long, s.
+    /// Places the device at rest at the hand's target (scene axes) at 0 s, with the hand there and zero current. Ticks
+    /// are `tick` seconds long.
     ///
     /// # Errors
-    /// If a setting is out of range, or the device cannot be there.
-    pub fn new(settings: PhantomSettings, target: &TipPath, tick: f64) -> Result<Self, DeviceError> {
-        settings.check(tick)?;
+    /// If a setting is out of range, or the device cannot reach the target.
+    pub fn new(settings: PhantomSettings, target: &TipPath, tick_s: f64) -> Result<Self, DeviceError> {
+        settings.check(tick_s)?;
         let target = target.transformed(1.0, |point| settings.axes.point_to_device(&point));
         let angles = kinematics::inverse(&target.at(0.0)).map_err(|cause| DeviceError::Pose { time_s: 0.0, cause })?;
         Ok(Self {
             measured: settings.actuation.encode(&angles),
             plant: Plant { settings, target },
             state: PlantState::at_rest(angles),
-            tick,
+            tick_s,
             command: Vec3::zeros(),
             is_saturated: false,
             mean_force: 0.0,
         })
     }
 
-    /// A tick from a time on, s, under the last command. Gives the tip as measured at its end, m.
+    /// Advances the device by a tick from a time, s, under the last command. Returns the tip measured at its end, m.
     ///
     /// # Errors
-    /// If the device comes to where it cannot be. It then stays as it was before the tick.
+    /// If the device leaves its workspace. It then stays as it was before the tick.
     pub fn advance(&mut self, start_time: f64) -> Result<Vec3, DeviceError> {
-        let time_s = start_time + self.tick;
-        let state = self.plant.advance(&self.state, start_time, self.tick, &self.command);
+        let time_s = start_time + self.tick_s;
+        let state = self.plant.advance(&self.state, start_time, self.tick_s, &self.command);
         if !state.is_finite() {
             return Err(DeviceError::NotFinite { time_s });
         }
@@ -325,8 +323,8 @@ impl Phantom {
         Ok(self.measured_tip())
     }
 
-    /// Commands a force on the user, N, for the next tick, and gives the one that is left of it after limits and
-    /// quantisation. A force that is not finite is commanded as zero.
+    /// Commands a force on the user, N, for the next tick. Returns the force after limits and quantisation, N. A force
+    /// that is not finite is commanded as zero.
     pub fn command(&mut self, force: &Vec3) -> Vec3 {
         let Axes { rotation, .. } = self.settings().axes;
         let actuation = self.settings().actuation;
@@ -334,42 +332,43 @@ impl Phantom {
         self.command = command.current;
         self.is_saturated = command.is_limited;
         let applied = kinematics::tip_force(&self.measured, &actuation.torque(&command.current));
-        self.mean_force += (applied.norm() - self.mean_force) * -(-self.tick / actuation.thermal_time).exp_m1();
+        self.mean_force += (applied.norm() - self.mean_force) * -(-self.tick_s / actuation.thermal_time).exp_m1();
         rotation.tr_mul(&applied)
     }
 
-    /// The tip as the encoders told it at the end of the last tick, m.
+    /// Returns the tip measured by the encoders at the end of the last tick, m.
     pub fn measured_tip(&self) -> Vec3 {
         self.settings().axes.point_to_scene(&kinematics::forward(&self.measured))
     }
 
-    /// Where the tip is, m.
+    /// Returns the true tip position, m.
     pub fn tip(&self) -> Vec3 {
         self.settings().axes.point_to_scene(&self.state.stylus().position)
     }
 
-    /// Energy that the device has delivered to the hand at the stylus since the start, J.
+    /// Returns the energy that the device has delivered to the hand at the stylus since the start, J.
     pub fn energy_to_hand_j(&self) -> f64 {
         self.state.flows.to_hand
     }
 
-    /// Whether a limit has changed the last command.
+    /// Returns whether a limit changed the last command.
     pub fn saturated(&self) -> bool {
         self.is_saturated
     }
 
-    /// Mean magnitude of the commanded forces, N, in which those of `thermal_time` ago weigh 1/e as much as those of
-    /// now.
+    /// Returns the mean magnitude of the commanded forces, N. Its weights decay exponentially: by a factor of e over
+    /// `thermal_time`.
     pub fn mean_force_n(&self) -> f64 {
         self.mean_force
     }
 
-    /// Whether the mean is more than the device can sustain: a warning, nothing is limited by it.
+    /// Returns whether the mean force is more than the device can sustain: a warning that limits nothing.
     pub fn overheats(&self) -> bool {
         self.mean_force > self.settings().actuation.continuous_force
     }
 
-    /// Apparent mass at the tip along the device's x, y and z, kg: 1/(J M⁻¹ Jᵀ)ᵢᵢ, in the pose measured last.
+    /// Returns the apparent mass at the tip along the device's x, y and z, kg: 1/(J M⁻¹ Jᵀ)ᵢᵢ, in the pose measured
+    /// last.
     pub fn apparent_mass_kg(&self) -> Vec3 {
         let jacobian = kinematics::jacobian(&self.measured);
         let joints = &self.settings().joints;
@@ -381,20 +380,20 @@ impl Phantom {
         })
     }
 
-    /// The largest step of the measured tip along the device's x, y and z that one count makes, m; 0 if nothing is
-    /// quantised.
+    /// Returns the largest step of the measured tip along the device's x, y and z that one count makes, m; 0 if nothing
+    /// is quantised.
     pub fn resolution_m(&self) -> Vec3 {
         let jacobian = kinematics::jacobian(&self.measured);
         let steps = self.settings().actuation.angle_step();
         Vec3::from_fn(|axis, _| jacobian.row(axis).transpose().component_mul(&steps).amax())
     }
 
-    /// What it is made of.
+    /// Returns the settings.
     pub fn settings(&self) -> &PhantomSettings {
         &self.plant.settings
     }
 
-    /// Joints, currents and hand, in device axes.
+    /// Returns the state of joints, currents and hand, in device axes.
     pub fn state(&self) -> &PlantState {
         &self.state
     }

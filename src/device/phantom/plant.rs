@@ -1,4 +1,4 @@
-//! Device, motors and hand as one system of differential equations, and a tick of it.
+//! Device, motors and hand as one system of differential equations, integrated tick by tick.
 
 use super::PhantomSettings;
 use super::hand::Moving;
@@ -6,33 +6,33 @@ use super::kinematics::{forward, jacobian};
 use crate::Vec3;
 use crate::device::path::TipPath;
 
-/// What moves, in device axes.
+/// State of the plant, in device axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlantState {
-    /// θ, rad.
+    /// Joint angles θ, rad.
     pub angles: Vec3,
-    /// θ̇, rad/s.
+    /// Joint rates θ̇, rad/s.
     pub rates: Vec3,
-    /// What flows in the motors, A.
+    /// Motor currents, A.
     pub current: Vec3,
-    /// X, the hand, m.
+    /// Position X of the hand, m.
     pub hand: Vec3,
-    /// Ẋ, m/s.
+    /// Velocity Ẋ of the hand, m/s.
     pub hand_velocity: Vec3,
-    /// Where energy went since the start.
+    /// Energy flows since the start.
     pub flows: EnergyFlows,
 }
 
-/// Energy that has gone from one to another since the start, J.
+/// Energies exchanged since the start, J.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct EnergyFlows {
-    /// Work of the device on the hand, at the stylus.
+    /// Work of the device on the hand at the stylus, J.
     pub to_hand: f64,
-    /// Work of the motors on the joints.
+    /// Work of the motors on the joints, J.
     pub from_motors: f64,
-    /// Work of whoever moves the hand's target.
+    /// Work of the hand's moving target, J.
     pub from_target: f64,
-    /// What joints, grip and arm took as heat.
+    /// Energy dissipated in joints, grip and arm, J.
     pub dissipated: f64,
 }
 
@@ -53,7 +53,7 @@ pub struct EnergyFlows {
 /// let current = Vec3::new(-0.1, 0.0, 0.0);
 /// let end = (0..100).fold(start, |state, tick| plant.advance(&state, f64::from(tick) * 1e-3, 1e-3, &current));
 /// assert!(end.is_finite() && end.stylus().position.x > 0.0);
-/// // No energy comes from nowhere.
+/// // The energy balance closes.
 /// let stored = plant.stored_energy(&end, 0.1) - plant.stored_energy(&start, 0.0);
 /// let flows = end.flows;
 /// assert!((stored - (flows.from_motors + flows.from_target - flows.dissipated)).abs() < 1e-6 * flows.dissipated);
@@ -61,26 +61,26 @@ pub struct EnergyFlows {
 /// ```
 #[derive(Debug, Clone)]
 pub struct Plant {
-    /// What it is made of.
+    /// Settings of device and hand.
     pub settings: PhantomSettings,
-    /// X_t.
+    /// Path X_t of the hand's target.
     pub target: TipPath,
 }
 
 impl PlantState {
-    /// At rest in this pose, with the hand where the tip is.
+    /// Returns the state at rest in this pose, with the hand at the tip.
     pub fn at_rest(angles: Vec3) -> Self {
         let zero = Vec3::zeros();
         let hand = forward(&angles);
         Self { angles, rates: zero, current: zero, hand, hand_velocity: zero, flows: EnergyFlows::default() }
     }
 
-    /// p and ṗ = Jθ̇.
+    /// Returns position p and velocity ṗ = Jθ̇ of the stylus.
     pub fn stylus(&self) -> Moving {
         Moving { position: forward(&self.angles), velocity: jacobian(&self.angles) * self.rates }
     }
 
-    /// Whether no number is NaN or infinite.
+    /// Returns whether all numbers are finite.
     pub fn is_finite(&self) -> bool {
         let vectors = [self.angles, self.rates, self.current, self.hand, self.hand_velocity];
         let EnergyFlows { to_hand, from_motors, from_target, dissipated } = self.flows;
@@ -92,7 +92,7 @@ impl PlantState {
         Moving { position: self.hand, velocity: self.hand_velocity }
     }
 
-    /// self + h rate, where `rate` holds time derivatives.
+    /// Returns self + h · rate, where `rate` holds time derivatives.
     fn plus(&self, rate: &Self, h: f64) -> Self {
         Self {
             angles: self.angles + rate.angles * h,
@@ -111,10 +111,10 @@ impl PlantState {
 }
 
 impl Plant {
-    /// A tick under a constant current command (A): the classical Runge-Kutta method of order 4 in equal substeps.
-    /// Where the hand's target turns within a substep the velocity is that in its middle.
-    pub fn advance(&self, state: &PlantState, start_time: f64, tick: f64, command: &Vec3) -> PlantState {
-        let h = tick / f64::from(self.settings.substeps);
+    /// Integrates a tick under a constant current command (A) by the classical Runge-Kutta method of order 4 in equal
+    /// substeps. Where the hand's target changes its velocity within a substep, that in the middle is used.
+    pub fn advance(&self, state: &PlantState, start_time: f64, tick_s: f64, command: &Vec3) -> PlantState {
+        let h = tick_s / f64::from(self.settings.substeps);
         let mut state = *state;
         for substep in 0..self.settings.substeps {
             let time = start_time + f64::from(substep) * h;
@@ -130,7 +130,7 @@ impl Plant {
         state
     }
 
-    /// Time derivatives of everything that moves:
+    /// Returns the time derivatives of the state:
     /// Mθ̈ = τ − Cθ̇ − N − Bθ̇ − τ_c tanh(θ̇/ω) + JᵀF, F of the grip; M_h Ẍ = F_arm − F; i̇ = ω_a(i_commanded − i).
     fn derivative(&self, state: &PlantState, target: &Moving, command: &Vec3) -> PlantState {
         let PhantomSettings { joints, actuation, hand: arm, .. } = &self.settings;
@@ -155,7 +155,7 @@ impl Plant {
         }
     }
 
-    /// Energy of joints, gravity, hand and springs, J. What it grows by is
+    /// Returns the energy of joints, gravity, hand and springs, J. Its increase is
     /// `from_motors` + `from_target` − `dissipated`.
     pub fn stored_energy(&self, state: &PlantState, time: f64) -> f64 {
         let target = Moving { position: self.target.at(time), velocity: Vec3::zeros() };

@@ -1,5 +1,5 @@
-//! What follows the patch, and by which points: nodes themselves, or vertices of the coarse grid that they are
-//! interpolated between.
+//! The points by which the condensed exterior moves: nodes themselves, or vertices of the coarse grid between which
+//! nodes are interpolated.
 
 use super::Reach;
 use crate::Vec3;
@@ -7,14 +7,14 @@ use crate::local::coarse::{CORNERS, Grid};
 use crate::local::patch::Patch;
 use crate::model::network::Network;
 
-/// What a node does in the condensed system.
+/// Role of a node in the condensed system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Role {
-    /// It is a point.
+    /// The node is a point itself.
     Point(u32),
-    /// It is interpolated in a cell of the coarse grid.
+    /// The node is interpolated in a cell of the coarse grid.
     Cell(u32),
-    /// It stays where it is.
+    /// The node stays fixed.
     Held,
 }
 
@@ -22,10 +22,10 @@ pub(super) enum Role {
 pub(super) struct Points<'a> {
     grid: Option<&'a Grid>,
     pub(super) role: Vec<Role>,
-    /// Number of the exterior's points, and of those that are nodes.
+    /// Number of the exterior's points, and number of those that are nodes.
     pub(super) exterior: usize,
     pub(super) nodes: usize,
-    /// Rest positions of the exterior's points, in their first numbering, m.
+    /// Rest positions of the exterior's points, m, in their first numbering.
     pub(super) positions: Vec<Vec3>,
     pub(super) vertex_point: Vec<Option<u32>>,
 }
@@ -64,13 +64,13 @@ impl<'a> Points<'a> {
         Self { grid, role, exterior, nodes, positions, vertex_point }
     }
 
-    /// What two nodes do, in whatever order.
+    /// Returns the roles of two nodes, in ascending order.
     pub(super) fn roles(&self, nodes: [u32; 2]) -> [Role; 2] {
         let [a, b] = nodes.map(|node| self.role[node as usize]);
         [a.min(b), a.max(b)]
     }
 
-    /// Whether one of two nodes follows the patch.
+    /// Whether one of two nodes belongs to the condensed exterior.
     pub(super) fn are_exterior(&self, nodes: [u32; 2]) -> bool {
         self.roles(nodes).iter().any(|role| match role {
             Role::Point(point) => (*point as usize) < self.exterior,
@@ -79,7 +79,7 @@ impl<'a> Points<'a> {
         })
     }
 
-    /// Puts the exterior's points into an order.
+    /// Renumbers the exterior's points by the given order.
     pub(super) fn renumber(&mut self, order: &[u32]) {
         let mut number = vec![0; order.len()];
         order.iter().zip(0..).for_each(|(&point, at)| number[point as usize] = at);
@@ -96,7 +96,7 @@ impl<'a> Points<'a> {
         self.vertex_point.iter_mut().flatten().for_each(renumber);
     }
 
-    /// The points that move one of two nodes, ascending.
+    /// Returns the points that move one of two nodes, ascending.
     pub(super) fn of(&self, nodes: [u32; 2]) -> Vec<u32> {
         let mut points = Vec::with_capacity(2);
         for role in self.roles(nodes) {
@@ -113,7 +113,7 @@ impl<'a> Points<'a> {
         points
     }
 
-    /// Where the points that move a node of this role are in a list of points.
+    /// Returns the places, in a list of points, of the points that move a node of this role.
     pub(super) fn columns(&self, role: Role, list: &[u32]) -> [Option<usize>; CORNERS] {
         let column = |point: u32| list.binary_search(&point).ok();
         match (role, self.grid) {
@@ -125,7 +125,7 @@ impl<'a> Points<'a> {
         }
     }
 
-    /// How far a node moves with each of these.
+    /// Returns the share of each such point in the node's motion.
     pub(super) fn shares(&self, node: u32) -> [f64; CORNERS] {
         match (self.role[node as usize], self.grid) {
             (Role::Cell(_), Some(grid)) => grid.place(node).1,
@@ -134,7 +134,7 @@ impl<'a> Points<'a> {
     }
 }
 
-/// Which nodes are within so many springs of a centre; hops may pass through fixed nodes.
+/// Marks the nodes within this many springs of a centre; paths may pass through fixed nodes.
 fn within(network: &Network, centre: Option<u32>, rings: u32) -> Vec<bool> {
     let mut reached = vec![false; network.node_count()];
     let mut ring: Vec<u32> = centre.into_iter().collect();
@@ -154,8 +154,8 @@ fn within(network: &Network, centre: Option<u32>, rings: u32) -> Vec<bool> {
     reached
 }
 
-/// The exterior's free nodes that may follow and hang on the patch through others that do, ascending.
-/// What does not hang on the patch adds nothing to C, and on its own it could move without any force.
+/// Returns the exterior's free nodes that may be condensed and are connected to the patch through others that may,
+/// ascending. Nodes without a connection to the patch add nothing to C, and on their own could move without any force.
 fn following(network: &Network, patch: &Patch, may_follow: impl Fn(u32) -> bool) -> Vec<u32> {
     let mut seen = vec![false; network.node_count()];
     patch.nodes.iter().for_each(|&node| seen[node as usize] = true);

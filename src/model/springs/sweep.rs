@@ -1,9 +1,9 @@
-//! The force sweep: four springs at a time, with what vector instructions the machine has.
+//! The force sweep: four springs at a time, with the vector instructions of the machine.
 //!
-//! With s = d·d the force on a node is d \[k(ℓ − L)ℓ + c ω·d\]/s, ℓ = √s: root and division do not wait for each other,
-//! and a spring at its rest length has exactly no force, so that what rests stays where it is.
-//! Everything is written in terms of four doubles side by side, [`Quad`]; its implementations do the same operations in
-//! the same order, without fused multiply-adds, so that every machine gives the same bits. Nor do these depend on whether
+//! With s = d·d the force on a node is d \[k(ℓ − L)ℓ + c ω·d\]/s, ℓ = √s. Root and division do not wait for each other,
+//! and a spring at its rest length has exactly no force, so that a network at rest stays at rest. The code is written
+//! in terms of four doubles side by side, [`Quad`]; its implementations do the same operations in the same order,
+//! without fused multiply-adds, so that every machine gives the same bits. The bits do not depend either on whether
 //! nodes are stored one by one or by axis ([`Ends`]).
 
 use std::ops::Range;
@@ -14,14 +14,14 @@ use super::Spring;
 use crate::Vec3;
 use crate::model::columns::Axes;
 
-/// Added to ℓ² so that a spring of no length has a direction of zero, hence no force, instead of
-/// NaN. Below half an ulp of ℓ² for every spring longer than 2e-7 m: there it changes no bit.
+/// Term added to ℓ², m², so that a spring of no length has a direction of zero, hence no force, instead of NaN. It is
+/// below half an ulp of ℓ² for every spring longer than 2e-7 m, and there changes no bit.
 pub(super) const LENGTH_SQUARED_FLOOR: f64 = 1e-30;
 
-/// Lanes of a packet: consecutive lower nodes whose springs are computed side by side.
+/// Number of lanes of a packet: consecutive lower nodes whose springs are computed side by side.
 pub(super) const LANES: usize = 4;
 
-/// Packets whose lower nodes are the same four.
+/// Packets with the same four lower nodes.
 #[derive(Debug, Clone)]
 pub(super) struct Block {
     pub first_node: usize,
@@ -31,12 +31,12 @@ pub(super) struct Block {
 /// Springs of four consecutive lower nodes to the four nodes at one distance in the numbering.
 #[derive(Debug, Clone)]
 pub(super) struct Packet {
-    /// First of the upper nodes.
+    /// First upper node.
     pub upper: usize,
     pub constants: Constants,
 }
 
-/// k, c and L of four springs; zero where there is none.
+/// Constants k, c and L of four springs; zero in lanes without a spring.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Constants {
     stiffness: [f64; LANES],
@@ -56,12 +56,12 @@ impl Constants {
 #[derive(Debug, Clone)]
 pub(super) struct Quartet {
     count: usize,
-    /// Beyond `count` a node and itself.
+    /// Ends of the springs; beyond `count` a node and itself.
     nodes: [[u32; 2]; LANES],
     constants: Constants,
 }
 
-/// What is swept at one time: packets, then springs that fill none.
+/// A section of springs swept at one time: packets, then springs that fill none.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Section {
     pub blocks: Vec<Block>,
@@ -72,8 +72,8 @@ pub(super) struct Section {
 impl Section {
     /// Appends packets with the same lower nodes.
     pub fn add_block(&mut self, first_node: usize, packets: &[Packet]) {
-        // Neighbouring distances write overlapping runs; a load that overlaps a store just done has
-        // to wait for it, so packets that follow each other are taken from far apart.
+        // Neighbouring distances write overlapping runs, and a load that overlaps a recent store has to wait for it; so
+        // packets that follow each other are taken from far apart.
         let first_packet = self.packets.len();
         for start in 0..LANES {
             self.packets.extend(packets.iter().skip(start).step_by(LANES).cloned());
@@ -107,13 +107,13 @@ pub(super) trait Quad: Copy {
     fn mul(self, a: Self::Lanes, b: Self::Lanes) -> Self::Lanes;
     fn div(self, a: Self::Lanes, b: Self::Lanes) -> Self::Lanes;
     fn sqrt(self, a: Self::Lanes) -> Self::Lanes;
-    /// Four vectors, axis by axis.
+    /// Loads four vectors, axis by axis.
     fn by_axis(self, run: &[Vec3; LANES]) -> [Self::Lanes; 3];
-    /// Adds them, given axis by axis, to four vectors.
+    /// Adds vectors, given axis by axis, to four vectors.
     fn add_to(self, by_axis: [Self::Lanes; 3], run: &mut [Vec3; LANES]);
 }
 
-/// Whatever the compiler makes of arrays for the target's baseline.
+/// Lanes as arrays, compiled for the target's baseline.
 #[derive(Clone, Copy)]
 struct Baseline;
 
@@ -160,7 +160,7 @@ impl Quad for Baseline {
     }
 }
 
-/// 256 bits wide. Twelve doubles of four vectors are three registers, which eight shuffles turn to axes and back.
+/// Lanes of 256 bits. Twelve doubles of four vectors are three registers, which eight shuffles turn into axes and back.
 #[cfg(target_arch = "x86_64")]
 #[derive(Clone, Copy)]
 struct Avx2(pulp::x86::V3);
@@ -226,17 +226,17 @@ impl Quad for Avx2 {
     }
 }
 
-/// Where a sweep finds the ends of springs, and puts their forces: node by node, or axis by axis.
+/// Storage of the ends of springs and of their forces: node by node, or axis by axis.
 pub(super) trait Ends {
     fn positions<Q: Quad>(&self, q: Q, first: usize) -> [Q::Lanes; 3];
     fn velocities<Q: Quad>(&self, q: Q, first: usize) -> [Q::Lanes; 3];
     fn push<Q: Quad>(&mut self, q: Q, first: usize, forces: [Q::Lanes; 3]);
-    /// (d, ω) from node j to node i.
+    /// Returns the differences (d, ω) from node j to node i.
     fn differences(&self, i: usize, j: usize) -> (Vec3, Vec3);
     fn push_one(&mut self, node: usize, force: Vec3);
 }
 
-/// Node by node.
+/// Storage node by node.
 pub(super) struct Rows<'a> {
     x: &'a [Vec3],
     v: &'a [Vec3],
@@ -245,7 +245,7 @@ pub(super) struct Rows<'a> {
 
 impl<'a> Rows<'a> {
     pub fn new(x: &'a [Vec3], v: &'a [Vec3], f: &'a mut [Vec3]) -> Self {
-        // One length for all three, so that one check serves them.
+        // All three have the same length, so that one check serves them.
         Self { x: &x[..f.len()], v: &v[..f.len()], f }
     }
 }
@@ -319,7 +319,7 @@ fn add_forces<const DAMPED: bool, Q: Quad>(q: Q, section: &Section, mut ends: im
         let (xi, vi) = (ends.positions(q, block.first_node), ends.velocities(q, block.first_node));
         let mut sum = [q.lanes([0.0; LANES]); 3];
         for packet in &packets[block.packets.clone()] {
-            // Both differences the other way round: a register minus memory is one instruction.
+            // Both differences are reversed: a register minus memory is one instruction.
             let difference = |a: [Q::Lanes; 3], b: [Q::Lanes; 3]| std::array::from_fn(|axis| q.sub(a[axis], b[axis]));
             let d = difference(xi, ends.positions(q, packet.upper));
             let omega = || difference(vi, ends.velocities(q, packet.upper));
@@ -348,7 +348,7 @@ fn add_forces<const DAMPED: bool, Q: Quad>(q: Q, section: &Section, mut ends: im
     }
 }
 
-/// f_j from d = x_i − x_j and ω = v_i − v_j.
+/// Computes f_j from d = x_i − x_j and ω = v_i − v_j.
 #[inline(always)]
 fn forces<const DAMPED: bool, Q: Quad>(
     q: Q,

@@ -1,4 +1,4 @@
-//! What all figures have in common: the document, the lines of the axes, the legend.
+//! Common parts of all figures: document, axes and legend.
 
 use std::io;
 
@@ -15,7 +15,7 @@ pub(super) const ORANGE: RGBColor = RGBColor(200, 80, 30);
 pub(super) const GREEN: RGBColor = RGBColor(90, 140, 60);
 pub(super) const GREY: RGBColor = RGBColor(120, 120, 120);
 
-/// The SVG document of what is drawn on white.
+/// Draws on a white ground and returns the SVG document.
 pub(super) fn document(size: (u32, u32), draw: impl FnOnce(&Area) -> Drawn) -> io::Result<String> {
     let mut svg = String::new();
     let drawn = || -> Drawn {
@@ -28,14 +28,14 @@ pub(super) fn document(size: (u32, u32), draw: impl FnOnce(&Area) -> Drawn) -> i
     Ok(svg)
 }
 
-/// Lines and labels that do not compete with what is drawn over them.
+/// Styles grid lines and labels so that they stay in the background.
 pub(super) fn quiet<'m, 'a, 'b, X: Ranged, Y: Ranged, B: DrawingBackend>(
     mesh: &'m mut MeshStyle<'a, 'b, X, Y, B>,
 ) -> &'m mut MeshStyle<'a, 'b, X, Y, B> {
     mesh.light_line_style(BLACK.mix(0.04)).bold_line_style(BLACK.mix(0.12)).label_style(("sans-serif", 14))
 }
 
-/// The names of the series, `margin` pixels from the edge of the chart, beside lines this long.
+/// Draws the legend, `margin` pixels from the edge of the chart, with sample lines of `line` pixels.
 pub(super) fn legend<'a, 'svg: 'a, C: CoordTranslate>(
     chart: &mut ChartContext<'a, SVGBackend<'svg>, C>,
     position: SeriesLabelPosition,

@@ -1,5 +1,4 @@
-//! Figures: force over time, as the paper's Figures 3–5 draw it, and the jumps of the force by contact
-//! surface.
+//! Figures of force over time, as in the paper's Figures 3–5, and of force jumps by contact surface.
 
 use std::io;
 
@@ -13,10 +12,10 @@ use crate::output::summary::Sample;
 const SIZE: (u32, u32) = (900, 420);
 const NORMAL: RGBColor = BLUE;
 const TANGENTIAL: RGBColor = ORANGE;
-/// Buckets per curve: more than the figure has columns of pixels.
+/// Buckets per curve: more than the figure's columns of pixels.
 const BUCKETS: usize = 2000;
 
-/// Normal (solid) and tangential (dotted) force over time, as an SVG document.
+/// Draws normal (solid) and tangential (dotted) force over time, as an SVG document.
 ///
 /// # Errors
 /// If the plotting library cannot draw it.
@@ -25,7 +24,7 @@ const BUCKETS: usize = 2000;
 /// use stickslip::{output::figures::forces::forces, output::summary::Recorder};
 /// use stickslip::{pipeline, scene::Scene};
 ///
-/// // the tip meets the block after 80
+/// // The tip meets the block after 80 ticks.
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let mut recorder = Recorder::default();
 /// pipeline::run(&scene, |tick| recorder.record(tick))?;
@@ -37,21 +36,21 @@ pub fn forces(title: &str, samples: &[Sample]) -> io::Result<String> {
     document(SIZE, |root| draw(root, title, samples))
 }
 
-/// A mark in [`jumps`].
+/// A mark of [`jumps`].
 #[derive(Debug, Clone, Copy)]
 pub struct Jump {
-    /// Column.
+    /// Index of its column.
     pub column: usize,
-    /// Which of [`jumps`]' series.
+    /// Index of its series.
     pub series: usize,
-    /// Whether it is drawn hollow.
+    /// Whether the mark is hollow.
     pub hollow: bool,
-    /// Largest jump of the force over its mean.
+    /// Largest force jump over the mean force.
     pub relative: f64,
 }
 
-/// Largest jump of the force between two ticks, relative to the mean force, on a logarithmic scale, as an
-/// SVG document: a column per combination of surface and scheme, a colour per law.
+/// Draws the largest force jump between two ticks over the mean force on a logarithmic scale, as an SVG document with a
+/// column per combination of surface and scheme, and a colour per law.
 ///
 /// # Errors
 /// If the plotting library cannot draw it.
@@ -84,7 +83,7 @@ fn draw_jumps(root: &Area, columns: &[String], series: &[&str], marks: &[Jump]) 
         chart
             .configure_mesh()
             .disable_x_mesh()
-            // Labels stand on whole numbers; the columns' names go between them.
+            // Axis labels are at whole numbers; the names of the columns go between them.
             .x_labels(0)
             .y_label_formatter(&|value| format!("{value:e}")),
     )
@@ -135,7 +134,7 @@ fn draw(root: &Area, title: &str, samples: &[Sample]) -> Drawn {
     Ok(())
 }
 
-/// A curve with the least and the largest value of every bucket, so that no jump of one tick is lost.
+/// Returns a curve with the smallest and the largest value of every bucket, so that no jump of a single tick is lost.
 pub(super) fn thinned(samples: &[Sample], of: fn(&Sample) -> f64) -> Vec<(f64, f64)> {
     let bucket = samples.len().div_ceil(BUCKETS).max(1);
     if bucket == 1 {

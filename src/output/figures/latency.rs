@@ -1,4 +1,4 @@
-//! Figures of a servo loop's times.
+//! Figures of the servo loop's response times.
 
 use std::io;
 
@@ -10,21 +10,21 @@ use super::axes::{Area, BLUE, Drawn, GREY, document, legend, quiet};
 
 const SIZE: (u32, u32) = (900, 420);
 const DEADLINE: RGBColor = RGBColor(200, 60, 40);
-/// Shortest time that is drawn, µs.
+/// Shortest time drawn, µs.
 const SHORTEST_US: f64 = 0.1;
 
-/// A stretch of a run.
+/// Responses in an interval of a run.
 #[derive(Debug, Clone, Copy)]
 pub struct Stretch {
-    /// Where it begins, s.
+    /// Start of the interval, s.
     pub time_s: f64,
     /// Longest and mean response, µs.
     pub response_us: [f64; 2],
-    /// Longest response of the empty loop, µs; 0 if it was not run.
+    /// Longest response of the control loop without a payload, µs; 0 if it was not run.
     pub control_us: f64,
 }
 
-/// Responses over time on a logarithmic scale, with the deadline, as an SVG document.
+/// Draws responses over time on a logarithmic scale, with the deadline, as an SVG document.
 ///
 /// # Errors
 /// If the plotting library cannot draw it.
@@ -34,17 +34,17 @@ pub struct Stretch {
 ///
 /// let stretch = |time_s| Stretch { time_s, response_us: [80.0, 20.0], control_us: 0.0 };
 /// let mut stretches = [0.0, 1.0, 2.0].map(stretch);
-/// assert!(!over_time(&stretches, 1e3)?.contains("longest of the empty loop")); // it was not run
+/// assert!(!over_time(&stretches, 1e3)?.contains("without a payload")); // it was not run
 /// stretches[1].control_us = 5.0;
-/// assert!(over_time(&stretches, 1e3)?.contains("longest of the empty loop"));
+/// assert!(over_time(&stretches, 1e3)?.contains("without a payload"));
 /// # Ok::<(), std::io::Error>(())
 /// ```
 pub fn over_time(stretches: &[Stretch], deadline_us: f64) -> io::Result<String> {
     document(SIZE, |area| draw_over_time(area, stretches, deadline_us))
 }
 
-/// Shares of ticks that take longer than a time (µs), of the servo loop and of the empty one, on logarithmic
-/// scales, with the deadline, as an SVG document.
+/// Draws the share of ticks whose response is longer than a given time (µs), for the servo loop and for the control
+/// loop without a payload, on logarithmic scales, with the deadline, as an SVG document.
 ///
 /// # Errors
 /// If the plotting library cannot draw it.
@@ -55,16 +55,16 @@ pub fn over_time(stretches: &[Stretch], deadline_us: f64) -> io::Result<String> 
 /// // Of ten thousand ticks one took longer than 400 µs, and none longer than 600 µs.
 /// let servo = [(50.0, 0.5), (400.0, 1e-4), (600.0, 0.0)];
 /// let svg = tails(&servo, &[], 1e3)?;
-/// assert!(svg.contains("share of ticks that take longer") && !svg.contains("empty loop"));
-/// // The empty loop is drawn where it was run.
-/// assert!(tails(&servo, &[(5.0, 0.1), (20.0, 1e-4)], 1e3)?.contains("empty loop"));
+/// assert!(svg.contains("share of ticks with a longer response") && !svg.contains("without a payload"));
+/// // The control loop is drawn where it was run.
+/// assert!(tails(&servo, &[(5.0, 0.1), (20.0, 1e-4)], 1e3)?.contains("without a payload"));
 /// # Ok::<(), std::io::Error>(())
 /// ```
 pub fn tails(servo: &[(f64, f64)], control: &[(f64, f64)], deadline_us: f64) -> io::Result<String> {
     document(SIZE, |area| draw_tails(area, servo, control, deadline_us))
 }
 
-/// A line with its name in the legend.
+/// Draws a line and names it in the legend.
 fn named<'a, 'svg: 'a, X: Ranged<ValueType = f64>, Y: Ranged<ValueType = f64>>(
     chart: &mut ChartContext<'a, SVGBackend<'svg>, Cartesian2d<X, Y>>,
     points: Vec<(f64, f64)>,
@@ -106,10 +106,10 @@ fn draw_over_time(area: &Area, stretches: &[Stretch], deadline_us: f64) -> Drawn
     };
     let control = line(|s| s.control_us);
     if !control.is_empty() {
-        named(&mut chart, control, GREY.stroke_width(1), "longest of the empty loop")?;
+        named(&mut chart, control, GREY.stroke_width(1), "longest, control loop without a payload")?;
     }
-    named(&mut chart, line(|s| s.response_us[0]), BLUE.stroke_width(1), "longest of the stretch")?;
-    named(&mut chart, line(|s| s.response_us[1]), BLUE.mix(0.5).stroke_width(2), "mean of the stretch")?;
+    named(&mut chart, line(|s| s.response_us[0]), BLUE.stroke_width(1), "longest in the interval")?;
+    named(&mut chart, line(|s| s.response_us[1]), BLUE.mix(0.5).stroke_width(2), "mean of the interval")?;
     named(&mut chart, vec![(0.0, deadline_us), (end, deadline_us)], DEADLINE.stroke_width(2), "deadline")?;
     legend(&mut chart, SeriesLabelPosition::UpperLeft, 10, 24)
 }
@@ -125,15 +125,15 @@ fn draw_tails(area: &Area, servo: &[(f64, f64)], control: &[(f64, f64)], deadlin
         .build_cartesian_2d((left..right).log_scale(), (bottom..1.0).log_scale())?;
     quiet(&mut chart.configure_mesh())
         .x_desc("response (µs)")
-        .y_desc("share of ticks that take longer")
+        .y_desc("share of ticks with a longer response")
         .x_label_formatter(&|us| format!("{us}"))
         .y_label_formatter(&|share| format!("{share:.0e}"))
         .draw()?;
     let drawn = |points: &[(f64, f64)]| points.iter().copied().filter(|(us, _)| *us > SHORTEST_US).collect::<Vec<_>>();
     if !control.is_empty() {
-        named(&mut chart, drawn(control), GREY.stroke_width(2), "the empty loop")?;
+        named(&mut chart, drawn(control), GREY.stroke_width(2), "control loop without a payload")?;
     }
-    named(&mut chart, drawn(servo), BLUE.stroke_width(2), "the servo loop")?;
+    named(&mut chart, drawn(servo), BLUE.stroke_width(2), "servo loop")?;
     named(&mut chart, vec![(deadline_us, bottom), (deadline_us, 1.0)], DEADLINE.stroke_width(2), "deadline")?;
     legend(&mut chart, SeriesLabelPosition::LowerLeft, 10, 24)
 }

@@ -1,4 +1,4 @@
-//! Figures of the longest stable step.
+//! Figure of stability-limit time steps.
 
 use std::io;
 
@@ -8,38 +8,38 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::axes::{Area, BLUE, Drawn, ORANGE, document, quiet};
 
-/// The boundaries of one integrator.
+/// Stability limits of one integrator.
 #[derive(Debug, Clone)]
 pub struct Panel {
-    /// Above it.
+    /// Title of the panel.
     pub title: String,
-    /// Boundaries.
+    /// Curves of the panel.
     pub curves: Vec<Curve>,
 }
 
-/// A predicted boundary and its measurement.
+/// A predicted stability limit and its measurement.
 #[derive(Debug, Clone)]
 pub struct Curve {
-    /// Whose colour and dash it has.
+    /// Index of the series, which decides colour and dash.
     pub series: usize,
-    /// The predicted and the measured step at every value, s; none where there is no limit.
+    /// Predicted and measured limit at every value, s; none without a limit.
     pub steps: Vec<[Option<f64>; 2]>,
 }
 
 const WIDTH: u32 = 960;
 const LEGEND: u32 = 36;
 const PANEL: u32 = 400;
-/// Height of its upper part.
+/// Height of a panel's upper part.
 const SPLIT: i32 = 300;
 const COLUMNS: usize = 2;
-/// Of series 0 and 2, and of 1 and 3.
+/// Colours of the series: of 0 and 2, and of 1 and 3.
 const COLOURS: [RGBColor; 2] = [BLUE, ORANGE];
-/// Ratios from here to 2 less this have a place of their own.
+/// Smallest ratio on the axis, whose largest is 2 less this one.
 const LEAST_RATIO: f64 = 0.95;
 
-/// Predicted (lines) and measured (marks) boundaries at every value of what is varied, and below their ratio, as an
-/// SVG document with a panel for each integrator. Steps are on a logarithmic scale; what has no limit is on a rail above.
-/// There are four series at most: the last two are dashed, with hollow marks around those of the first two.
+/// Draws predicted (lines) and measured (marks) stability limits at every value of the varied parameter, with their
+/// ratio below, as an SVG document with a panel per integrator. Steps are on a logarithmic scale; "no limit" is a line
+/// above it. There are at most four series: the last two are dashed, with hollow marks around those of the first two.
 ///
 /// # Errors
 /// If the plotting library cannot draw it.
@@ -83,9 +83,9 @@ fn draw(root: &Area, varied: &str, values: &[f64], series: &[String], panels: &[
     Ok(())
 }
 
-/// A panel with steps from 10^bottom s, whose rail for no limit is in the place of 10^rail s.
+/// Draws a panel with steps from 10^bottom s; "no limit" is in the place of 10^rail s.
 fn draw_panel(area: &Area, panel: &Panel, varied: &str, values: &[f64], [bottom, rail]: [f64; 2]) -> Drawn {
-    // Values have places of the same width, whatever is between them.
+    // Values are equally spaced, whatever their differences.
     let x = -0.4..values.len() as f64 - 0.6;
     let name = |place: &f64| {
         let value = values.get(place.round() as usize).filter(|_| (place - place.round()).abs() < 0.01);

@@ -1,4 +1,4 @@
-//! Figures, as SVG.
+//! Figures as SVG documents.
 
 mod axes;
 pub mod forces;

@@ -1,4 +1,4 @@
-//! Figures of an accuracy report: error against cost, and forces of several methods.
+//! Figures of an accuracy report: force error against cost, and forces of several methods.
 
 use std::io;
 
@@ -12,53 +12,53 @@ use crate::output::summary::Sample;
 
 const SIZE: (u32, u32) = (900, 520);
 const COLOURS: [RGBColor; 4] = [BLUE, GREEN, ORANGE, GREY];
-/// Relative errors from here to [`HIGHEST`] have a place of their own at most.
+/// Smallest relative error on the axis.
 const LOWEST: f64 = 1e-5;
-/// The rail of what diverged.
+/// Place on the axis of errors for methods that diverged.
 const HIGHEST: f64 = 3.0;
 
-/// A method in [`precision`].
+/// A method's mark in [`precision`].
 #[derive(Debug, Clone)]
 pub struct Mark {
-    /// On the axis; none is put on the left edge.
+    /// Cost on the axis; none is drawn on the left edge.
     pub cost: Option<f64>,
-    /// Relative.
+    /// Relative force error.
     pub error: f64,
-    /// Decides the colour.
+    /// Index of the group, which decides the colour.
     pub group: usize,
-    /// Whether it is a triangle; otherwise a circle.
+    /// Whether the mark is a triangle; otherwise it is a circle.
     pub triangle: bool,
-    /// Whether it is drawn hollow: over budget.
+    /// Whether the mark is hollow, as the method is over budget.
     pub hollow: bool,
-    /// Whether it is drawn on the rail.
+    /// Whether the method diverged; its mark is then at the upper edge.
     pub diverged: bool,
-    /// Whether it is on the Pareto front.
+    /// Whether the method is on the Pareto front.
     pub on_front: bool,
-    /// What is written beside it.
+    /// Label beside the mark.
     pub label: Option<String>,
 }
 
-/// What a figure of error against cost is made of.
+/// Contents of a figure of error against cost.
 #[derive(Debug, Clone)]
 pub struct Precision<'a> {
-    /// Above it.
+    /// Title of the figure.
     pub title: &'a str,
-    /// Of the axis of costs.
+    /// Label of the cost axis.
     pub cost: &'a str,
-    /// Names of the groups, four at most.
+    /// Names of the groups, at most four.
     pub groups: &'a [&'a str],
-    /// Methods.
+    /// Marks of the methods.
     pub marks: &'a [Mark],
-    /// Costs beyond are over budget.
+    /// Budget, in the unit of the costs.
     pub budget: f64,
-    /// Errors below mean nothing.
+    /// Relative error below which the reference resolves nothing.
     pub floor: f64,
-    /// Errors below are not felt.
+    /// Relative error below which a hand perceives nothing.
     pub perception: f64,
 }
 
-/// Error against cost, both logarithmic, as an SVG document. What diverged is on a rail at the upper edge,
-/// errors too small for the axis at the lower one.
+/// Draws error against cost on logarithmic axes, as an SVG document. Methods that diverged are at the upper edge, errors
+/// too small for the axis at the lower one.
 ///
 /// # Errors
 /// If the plotting library cannot draw it.
@@ -88,7 +88,7 @@ pub fn precision(figure: &Precision) -> io::Result<String> {
     document(SIZE, |root| draw_precision(root, figure))
 }
 
-/// Normal (solid) and tangential (dotted) force of several runs over time, as an SVG document.
+/// Draws normal (solid) and tangential (dotted) force of several runs over time, as an SVG document.
 ///
 /// # Errors
 /// If the plotting library cannot draw it.
@@ -154,7 +154,7 @@ fn draw_precision(root: &Area, figure: &Precision) -> Drawn {
     };
     let mut front: Vec<(f64, f64)> = figure.marks.iter().filter(|mark| mark.on_front).map(place).collect();
     front.sort_by(|a, b| a.0.total_cmp(&b.0));
-    // A method is the best from its own cost to that of the next.
+    // A method is the most accurate one from its own cost to the cost of the next.
     let steps = front.iter().zip(front.iter().skip(1).map(|next| next.0).chain([right]));
     let steps: Vec<(f64, f64)> = steps.flat_map(|(&(cost, error), next)| [(cost, error), (next, error)]).collect();
     chart.draw_series([PathElement::new(steps, BLACK.mix(0.35).stroke_width(2))])?;
@@ -170,7 +170,7 @@ fn draw_precision(root: &Area, figure: &Precision) -> Drawn {
         chart.draw_series(triangles.map(|mark| {
             let (half, style) = (if mark.on_front { 7 } else { 5 }, style(mark));
             let corners = vec![(-half, half - 1), (half, half - 1), (0, -half), (-half, half - 1)];
-            // A polygon is always filled, a path never.
+            // A polygon is always filled, and a path never.
             let outline = PathElement::new(corners.clone(), colour.stroke_width(1));
             let inside = Polygon::new(if mark.hollow { Vec::new() } else { corners }, style);
             EmptyElement::at(place(mark)) + outline + inside
@@ -184,8 +184,8 @@ fn draw_precision(root: &Area, figure: &Precision) -> Drawn {
         |(x, y): (i32, i32), text: &str, h: HPos, v: VPos| -> Drawn { text_at(root, (x, y), text, Pos::new(h, v)) };
     let at = |point: (f64, f64)| chart.backend_coord(&point);
     let beside = |(x, y): (i32, i32), dx: i32, dy: i32| (x + dx, y + dy);
-    write(beside(at((right, figure.perception)), -4, -2), "10 %: a hand feels more", HPos::Right, VPos::Bottom)?;
-    write(beside(at((right, floor)), -4, 3), "below: unresolved", HPos::Right, VPos::Top)?;
+    write(beside(at((right, figure.perception)), -4, -2), "10 %: perception threshold", HPos::Right, VPos::Bottom)?;
+    write(beside(at((right, floor)), -4, 3), "below: not resolved by the reference", HPos::Right, VPos::Top)?;
     write(beside(at((right, HIGHEST)), -4, -2), "diverged", HPos::Right, VPos::Bottom)?;
     write(beside(at((figure.budget, bottom)), 4, -4), "budget", HPos::Left, VPos::Bottom)?;
     for mark in figure.marks {
@@ -203,7 +203,7 @@ fn text_at(root: &Area, at: (i32, i32), text: &str, pos: Pos) -> Drawn {
 
 fn draw_forces(root: &Area, title: &str, runs: &[(&str, &[Sample])]) -> Drawn {
     let end = runs.iter().filter_map(|(_, samples)| samples.last()).map(|last| last.time).fold(0.0, f64::max);
-    // The first run is the reference: one that runs away leaves the figure, not the reference in a corner.
+    // The first run, the reference, scales the axis: a run that diverges leaves the figure.
     let reference = runs.first().map_or(&[][..], |(_, samples)| samples);
     let top = reference.iter().map(|s| s.normal_force.max(s.tangential_force)).fold(0.0, f64::max);
     let top = if top > 0.0 { 1.5 * top } else { 1.0 };

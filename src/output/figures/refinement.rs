@@ -1,4 +1,4 @@
-//! Figure of errors over refinement.
+//! Figure of errors over mesh refinement.
 
 use std::io;
 
@@ -8,25 +8,25 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::axes::{Area, BLUE, Drawn, GREEN, GREY, ORANGE, document, quiet};
 
-/// The errors of one quantity.
+/// Errors of one quantity.
 #[derive(Debug, Clone)]
 pub struct Panel {
-    /// Above it.
+    /// Title of the panel.
     pub title: &'static str,
-    /// A curve for each kind of mesh.
+    /// Curves, one per kind of mesh.
     pub curves: Vec<Curve>,
 }
 
-/// The errors of meshes of one kind.
+/// Errors of meshes of one kind.
 #[derive(Debug, Clone)]
 pub struct Curve {
-    /// Decides the colour.
+    /// Index of the group, which decides the colour.
     pub group: usize,
-    /// Whether marks are triangles; otherwise circles.
+    /// Whether the marks are triangles; otherwise they are circles.
     pub triangle: bool,
-    /// Whether it is dashed.
+    /// Whether the curve is dashed.
     pub dashed: bool,
-    /// Cells, and the relative error with so many.
+    /// Pairs of the number of cells and the relative error.
     pub errors: Vec<(f64, f64)>,
 }
 
@@ -35,12 +35,13 @@ const LEGEND: u32 = 60;
 const PANEL: u32 = 270;
 const COLUMNS: usize = 2;
 const COLOURS: [RGBColor; 4] = [GREY, BLUE, ORANGE, GREEN];
-/// Errors have a place up to here, and axes end on multiples of it.
+/// Largest relative error on the axis.
 const LARGEST: f64 = 1.0;
+/// Step of the ends of the axis.
 const STEP: f64 = 0.25;
 
-/// Errors of several quantities over refinement, a panel each with the same scale, as an SVG document. `groups` are the
-/// names of the colours, four at most.
+/// Draws errors of several quantities over refinement, a panel each with the same scale, as an SVG document. `groups`
+/// are the names of the colours, at most four.
 ///
 /// # Errors
 /// If the plotting library cannot draw it.
@@ -69,7 +70,7 @@ fn draw(root: &Area, groups: &[&str], panels: &[Panel]) -> Drawn {
     let bottom = (outwards(f64::min, |p| p.1).max(-LARGEST) / STEP).floor() * STEP;
     let top = (outwards(f64::max, |p| p.1).min(LARGEST) / STEP).ceil() * STEP;
     let (left, right) = (points().map(|p| p.0).fold(f64::INFINITY, f64::min), outwards(f64::max, |p| p.0));
-    // Also where nothing is drawn, or one size only.
+    // Give the axis a width even if there are no points, or points of one size only.
     let x = if left < right { left - 0.5..right + 0.5 } else { right - 1.0..right + 1.0 };
     let y = if bottom < top { bottom - 0.05..top + 0.05 } else { -STEP..STEP };
     for (area, panel) in rest.split_evenly((panels.len().div_ceil(COLUMNS), COLUMNS)).iter().zip(panels) {

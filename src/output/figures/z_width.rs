@@ -1,4 +1,4 @@
-//! The figure of the stiffest virtual walls.
+//! Figure of the stiffest quiet virtual walls.
 
 use std::io;
 
@@ -7,24 +7,25 @@ use plotters::prelude::*;
 
 use super::axes::{Area, BLUE, Drawn, GREY, ORANGE, document, legend, quiet};
 
-/// What is known at one rate of the servo loop.
+/// Limits at one rate of the servo loop.
 #[derive(Debug, Clone)]
 pub struct RateCurve {
-    /// For the legend.
+    /// Name in the legend.
     pub name: String,
-    /// The stiffest quiet wall at every damping, N/m; 0: none is, none: all are.
+    /// Stiffest quiet wall at every damping, N/m; 0 if no wall is quiet, none if all are.
     pub quiet: Vec<Option<f64>>,
-    /// The bound by the device's damping at every damping, N/m; 0: no wall is passive.
+    /// Passivity bound by the device's damping at every damping, N/m; 0 if no wall is passive.
     pub by_damping: Vec<f64>,
 }
 
 const COLOURS: [RGBColor; 2] = [ORANGE, BLUE];
-/// The place of no wall and of all walls among the decades.
+/// Place of "none" on the axis of decades.
 const NO_WALL: f64 = 0.0;
+/// Place of "all" on the axis of decades.
 const ALL_WALLS: f64 = 6.0;
 
-/// Measured limits (marks) and bounds (lines) of stiffness over the dampings of the wall, N·s/m, as an SVG document.
-/// Stiffnesses are on a logarithmic scale, no wall and all walls on rails below and above.
+/// Draws measured limits (marks) and passivity bounds (lines) of stiffness over the dampings of the wall, N·s/m, as an
+/// SVG document. Stiffnesses are on a logarithmic scale; "none" is a line below it and "all" a line above it.
 ///
 /// # Errors
 /// If the plotting library cannot draw it.
@@ -44,7 +45,7 @@ pub fn z_width(dampings: &[f64], rates: &[RateCurve], by_friction: Option<f64>) 
 }
 
 fn draw(root: &Area, dampings: &[f64], rates: &[RateCurve], by_friction: Option<f64>) -> Drawn {
-    // Dampings have places of the same width, whatever is between them.
+    // Dampings are equally spaced, whatever their differences.
     let (left, right) = (-0.4, dampings.len() as f64 - 0.6);
     let name = |place: &f64| {
         let value = dampings.get(place.round() as usize).filter(|_| (place - place.round()).abs() < 0.01);
@@ -76,13 +77,13 @@ fn draw(root: &Area, dampings: &[f64], rates: &[RateCurve], by_friction: Option<
         let marks = rate.quiet.iter().enumerate().map(|(i, limit)| (i as f64, limit.map_or(ALL_WALLS, decade)));
         chart
             .draw_series(marks.map(|at| Circle::new(at, 5, colour.filled())))?
-            .label(format!("{}: quiet up to here, measured", rate.name))
+            .label(format!("{}: stiffest quiet wall, measured", rate.name))
             .legend(move |(x, y)| Circle::new((x + 13, y), 5, colour.filled()));
         let style = colour.stroke_width(2);
         let bounds = rate.by_damping.iter().enumerate().map(|(i, &bound)| (i as f64, decade(bound)));
         chart
             .draw_series(LineSeries::new(bounds, style))?
-            .label(format!("{}: passive by damping, 2(b − |B|)/h", rate.name))
+            .label(format!("{}: passivity bound by damping, 2(b − |B|)/h", rate.name))
             .legend(move |(x, y)| PathElement::new([(x, y), (x + 26, y)], style));
     }
     if let Some(bound) = by_friction {
@@ -90,7 +91,7 @@ fn draw(root: &Area, dampings: &[f64], rates: &[RateCurve], by_friction: Option<
         let at = decade(bound);
         chart
             .draw_series([DashedPathElement::new([(left, at), (right, at)], 6, 4, style)])?
-            .label("bound by friction and encoders, 2f_c/Δ")
+            .label("passivity bound by friction and encoders, 2f_c/Δ")
             .legend(move |(x, y)| DashedPathElement::new([(x, y), (x + 26, y)], 6, 4, style));
     }
     legend(&mut chart, plotters::chart::SeriesLabelPosition::Coordinate(470, 225), 12, 34)

@@ -1,4 +1,4 @@
-//! The `[global]` and `[sync]` parts: how the network is integrated, and how it takes in the local model's cycle.
+//! The `[global]` and `[sync]` tables: integration of the network, and its coupling to the local model's cycle.
 
 use super::Read;
 use crate::dynamics::constraint::Threads;

@@ -1,4 +1,4 @@
-//! The `[instrument]` part: its path, and the modelled device with all that belongs to it.
+//! The `[instrument]` table: the path, and the modelled device with its settings.
 
 use std::path::Path;
 
@@ -107,7 +107,7 @@ fn coupling(table: &CouplingTable) -> CouplingSettings {
     settings
 }
 
-/// Replaces a default by what is given, if it is.
+/// Replaces a default by a given value, if there is one.
 fn set<T>(setting: &mut T, given: Option<T>) {
     if let Some(given) = given {
         *setting = given;

@@ -1,4 +1,4 @@
-//! The `[local]` part: how far the local model reaches, its forces, and what the rest of the network does.
+//! The `[local]` table: size of the local model, its forces, and its exterior.
 
 use super::{Read, no_effect};
 use crate::local::condensation::{Condensation, Reach};
@@ -52,7 +52,7 @@ pub(super) fn local(table: &LocalTable) -> Read<LocalSettings> {
     Ok(LocalSettings { extent, linearization, exterior })
 }
 
-/// How much of a condensed exterior follows.
+/// Reads the reach of a condensed exterior.
 fn reach(table: &LocalTable) -> Read<Reach> {
     match table.condense_rings {
         None | Some(Rings::All(_)) => {

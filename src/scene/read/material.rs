@@ -1,4 +1,4 @@
-//! The `[material]` part: masses and springs, given or from the constants of a material.
+//! The `[material]` table: masses and springs, given or from the constants of a material.
 
 use super::{Read, no_effect};
 use crate::Vec3;
@@ -52,7 +52,7 @@ fn stiffness(material: &MaterialTable, bulk: Bulk) -> Read<PerSpring> {
     match (material.stiffness, material.young_modulus) {
         (Some(stiffness), None) => {
             no_effect("material.identification", is_identified, "`material.stiffness`")?;
-            // Damping may follow from it.
+            // Checked here, since damping may be derived from it.
             positive("material.stiffness", stiffness).map(PerSpring::Same)
         }
         (None, Some(modulus)) => {

@@ -1,4 +1,4 @@
-//! The `[mesh]` part: a block, or a mesh that is read, and which of its nodes are fixed.
+//! The `[mesh]` table: a block, or a mesh from a file, and which of its nodes are fixed.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use crate::scene::file::{Fixed, FixedRegion, MeshTable};
 use crate::scene::memory::{Run, Size, available_memory, fits, mesh_fits};
 use crate::scene::words::{FixedName, MeshKind};
 
-/// The mesh, and which nodes are fixed.
+/// Reads the mesh, and which nodes are fixed.
 pub(super) fn mesh(table: &MeshTable, folder: &Path, run: Run) -> Read<(MeshSource, Vec<bool>)> {
     let (mesh, anchored) = match table.kind {
         MeshKind::Block => (MeshSource::Block(given_block(table)?), None),
@@ -26,7 +26,7 @@ pub(super) fn mesh(table: &MeshTable, folder: &Path, run: Run) -> Read<(MeshSour
     };
     mesh_fits(&mesh, run)?;
     let mut is_fixed = match &table.fixed {
-        // An anchor holds by itself: nothing else is fixed unless the scene asks for it.
+        // An anchor holds by itself: nothing else is fixed unless the scene requests it.
         None if anchored.is_some() => vec![false; mesh.node_count()],
         None | Some(Fixed::Named(FixedName::Bottom)) => mesh.bottom(),
         Some(Fixed::Named(FixedName::None)) => vec![false; mesh.node_count()],
@@ -72,7 +72,7 @@ fn mesh_file(table: &MeshTable, folder: &Path, run: Run) -> Read<FileMesh> {
     let depth = table.layer_depth.ok_or(Problem::Missing("mesh.layer_depth"))?;
     let count = at_least_one("mesh.layers", table.layers.unwrap_or(1))? as usize;
     let layers = Layers { count, depth: positive("mesh.layer_depth", depth)? };
-    // Before as many copies are made as the scene asks for.
+    // Checked before the copies that the scene requests are made.
     let (nodes, springs) = layers.sizes(file.cells());
     let key = if table.layers.is_some() { "mesh.layers" } else { "mesh.path" };
     fits(key, &Size { nodes, springs, within: &|_| 0 }, run)?;

@@ -1,4 +1,4 @@
-//! The `[timing]` part: deadlines, and what computing takes in virtual time.
+//! The `[timing]` table: deadlines, and computing times in virtual time.
 
 use super::{Read, no_effect};
 use crate::multirate::timeline::{Cost, Costs, Deadline};
@@ -22,7 +22,7 @@ pub(super) fn timing(timing: &TimingTable, schedule: Schedule, tick_s: f64) -> R
                 no_effect("timing.overrun", overrun.is_some(), because)?;
             }
             if !is_seeded(tick_cost) && !is_seeded(model_cost) {
-                no_effect("timing.seed", seed.is_some(), "costs of which none is drawn from a distribution")?;
+                no_effect("timing.seed", seed.is_some(), "costs that are not drawn from a distribution")?;
             }
         }
     }
@@ -33,7 +33,7 @@ pub(super) fn timing(timing: &TimingTable, schedule: Schedule, tick_s: f64) -> R
     Ok((deadline, costs))
 }
 
-/// No time if the key is absent.
+/// Returns the computing time; zero if the key is absent.
 fn cost(cost: &Option<CostValue>) -> Cost {
     match cost {
         None => Cost::Constant(0.0),

@@ -2,7 +2,7 @@
 
 use super::combination::Jet;
 
-/// v^j w^k with j + k ≤ 4: exponents, ascending in j + k.
+/// Exponents (j, k) of the monomials v^j w^k with j + k ≤ 4, ascending in j + k.
 const MONOMIALS: [(i32, i32); 15] = [
     (0, 0),
     (1, 0),
@@ -21,11 +21,11 @@ const MONOMIALS: [(i32, i32); 15] = [
     (0, 4),
 ];
 
-/// 12 × a term of a basis function: factor and exponents of its three weights.
+/// A term of a basis function, times 12: its factor and the exponents of its three weights.
 type Term = (f64, [i32; 3]);
 
-/// Of a corner with weight a, the other two being b and c (Stam 1998, *Evaluation of Loop subdivision
-/// surfaces*).
+/// Basis function of a corner with weight a, where the other two weights are b and c (Stam 1998, *Evaluation of Loop
+/// subdivision surfaces*).
 const CORNER: &[Term] = &[
     (6.0, [4, 0, 0]),
     (24.0, [3, 1, 0]),
@@ -43,7 +43,7 @@ const CORNER: &[Term] = &[
     (6.0, [0, 1, 3]),
     (1.0, [0, 0, 4]),
 ];
-/// Of the vertex across the edge of the corners with weights a and b.
+/// Basis function of the vertex across the edge of the corners with weights a and b.
 const ACROSS: &[Term] = &[
     (1.0, [4, 0, 0]),
     (2.0, [3, 0, 1]),
@@ -55,10 +55,10 @@ const ACROSS: &[Term] = &[
     (2.0, [0, 3, 1]),
     (1.0, [0, 4, 0]),
 ];
-/// Of a vertex that touches the corner with weight a only, on the side of b.
+/// Basis function of a vertex that touches only the corner with weight a, on the side of b.
 const BEYOND: &[Term] = &[(1.0, [4, 0, 0]), (2.0, [3, 1, 0])];
 
-/// For each vertex of [`LATTICE`](super::neighborhood::LATTICE), its kind and which corners play a, b, c.
+/// Kind of each vertex of [`LATTICE`](super::neighborhood::LATTICE), and the corners that act as a, b, c.
 const FUNCTIONS: [(&[Term], [usize; 3]); 12] = [
     (CORNER, [0, 1, 2]),
     (CORNER, [1, 2, 0]),
@@ -77,12 +77,12 @@ const FUNCTIONS: [(&[Term], [usize; 3]); 12] = [
 /// The basis functions as polynomials in the weights v and w of the second and third corner.
 #[derive(Debug, Clone)]
 pub struct BoxSpline {
-    /// Per monomial, the coefficient in each function.
+    /// Coefficients in each function, per monomial.
     coefficients: [[f64; 12]; 15],
 }
 
 impl BoxSpline {
-    /// Expands the first weight, u = 1 − v − w.
+    /// Expands the first weight, u = 1 − v − w, into polynomials in v and w.
     pub fn new() -> Self {
         let mut coefficients = [[0.0; 12]; 15];
         for (function, (terms, roles)) in FUNCTIONS.iter().enumerate() {
@@ -106,7 +106,7 @@ impl BoxSpline {
         Self { coefficients }
     }
 
-    /// Values and derivatives at weights v and w.
+    /// Evaluates the functions and their derivatives at weights v and w.
     pub fn evaluate(&self, v: f64, w: f64) -> Jet {
         let (v2, w2) = (v * v, w * w);
         let powers = |t: f64, t2: f64| [1.0, t, t2, t2 * t, t2 * t2];

@@ -1,13 +1,13 @@
 //! Vertices as sparse linear combinations of other vertices, applied to basis functions.
 
-/// Vertices around one triangle that its limit surface may depend on, at most.
+/// Largest number of vertices around one triangle that its limit surface may depend on.
 pub const LARGEST_SUPPORT: usize = 32;
 
-/// What is evaluated of a function of (β, γ): value, ∂β, ∂γ, ∂ββ, ∂βγ, ∂γγ.
+/// Number of values kept of a function of (β, γ): the value, ∂β, ∂γ, ∂ββ, ∂βγ, ∂γγ.
 pub const DERIVATIVES: usize = 6;
 
-/// Basis functions of some vertices at one point, with their derivatives by the weights β and γ of the
-/// second and third corner.
+/// Basis functions of some vertices at one point, with their derivatives by β and γ, the weights of the second and
+/// third corner.
 ///
 /// ```
 /// use stickslip::surface::subdivision::Jet;
@@ -25,22 +25,22 @@ pub struct Jet {
 }
 
 impl Jet {
-    /// Of this many vertices, all zero.
+    /// Returns zeros for this many vertices.
     pub fn zero(len: usize) -> Self {
         Self { entries: [[0.0; DERIVATIVES]; LARGEST_SUPPORT], len }
     }
 
-    /// One entry per vertex.
+    /// Returns the entries, one per vertex.
     pub fn entries(&self) -> &[[f64; DERIVATIVES]] {
         &self.entries[..self.len]
     }
 
-    /// One entry per vertex.
+    /// Returns the entries for changes, one per vertex.
     pub fn entries_mut(&mut self) -> &mut [[f64; DERIVATIVES]] {
         &mut self.entries[..self.len]
     }
 
-    /// By the chain rule, for weights that grow by this factor from parent to child.
+    /// Applies the chain rule for weights that grow by this factor from parent to child.
     pub fn scale(&mut self, factor: f64) {
         for [_, b, g, bb, bg, gg] in self.entries_mut() {
             *b *= factor;
@@ -52,17 +52,17 @@ impl Jet {
     }
 }
 
-/// y = R x: some vertices y from others x.
+/// Vertices y as combinations y = R x of other vertices x.
 #[derive(Debug, Clone)]
 pub struct Combination {
     columns: usize,
-    /// Where the row of each y ends in `entries`.
+    /// End of the row of each y in `entries`.
     ends: Vec<u16>,
     entries: Vec<(u8, f64)>,
 }
 
 impl Combination {
-    /// From the entries of each row.
+    /// Builds a combination from the entries of each row.
     pub fn new(columns: usize, rows: Vec<Vec<(u8, f64)>>) -> Self {
         let mut ends = Vec::with_capacity(rows.len());
         let mut entries = Vec::new();
@@ -73,18 +73,18 @@ impl Combination {
         Self { columns, ends, entries }
     }
 
-    /// Rows, each as its entries (column, factor).
+    /// Returns the rows, each as its entries (column, factor).
     pub fn rows(&self) -> impl Iterator<Item = &[(u8, f64)]> {
         let starts = std::iter::once(0).chain(self.ends.iter().copied());
         starts.zip(&self.ends).map(|(start, &end)| &self.entries[start as usize..end as usize])
     }
 
-    /// Whether every y is the x of the same number.
+    /// Whether every y equals the x of the same index.
     pub fn is_identity(&self) -> bool {
         self.ends.len() == self.columns && self.rows().zip(0..).all(|(row, i)| row == [(i, 1.0)])
     }
 
-    /// Basis functions of the x from those of the y: Rᵀ.
+    /// Returns the basis functions of the x from those of the y: Rᵀ.
     pub fn pull(&self, jet: &Jet) -> Jet {
         let mut pulled = Jet::zero(self.columns);
         for (row, from) in self.rows().zip(jet.entries()) {

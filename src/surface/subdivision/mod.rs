@@ -1,11 +1,11 @@
 //! The Loop limit surface of a triangle mesh: the basis functions of its control vertices and their
 //! derivatives at any point of any triangle.
 //!
-//! A triangle whose neighbourhood is a part of the regular lattice carries a box spline; across a border
-//! the lattice is completed by mirrored vertices, which is the cubic B-spline rule exactly. Any other
-//! triangle is divided into its four children until the point lies in a regular one. Next to an
-//! extraordinary vertex every step finds the same neighbourhood again, so that many steps are one
-//! product with a tabulated power of the step's matrix (after Stam 1998).
+//! A triangle whose neighbourhood is a part of the regular lattice carries a box spline; across a border the lattice is
+//! completed by mirrored vertices, which is the cubic B-spline rule exactly. Any other triangle is divided into its
+//! four children until the point lies in a regular one. Next to an extraordinary vertex every step yields the same
+//! neighbourhood again, so that many steps are one product with a tabulated power of the step's matrix (after Stam
+//! 1998).
 
 mod box_spline;
 mod combination;
@@ -20,8 +20,8 @@ use box_spline::BoxSpline;
 use combination::Combination;
 use neighborhood::Neighborhood;
 
-/// Halvings towards an extraordinary vertex. A point that is closer, 2⁻⁴⁸ of the triangle, is evaluated
-/// at that distance in its direction; this moves it by less than the edge length times λ⁴⁸ with λ the
+/// Largest number of halvings towards an extraordinary vertex. A point that is closer, 2⁻⁴⁸ of the triangle, is
+/// evaluated at that distance in its direction; this moves it by less than the edge length times λ⁴⁸ with λ the
 /// subdominant eigenvalue: 4e-15 for 6 neighbours, 2e-11 for 12.
 const DEEPEST: usize = 48;
 
@@ -29,7 +29,7 @@ const DEEPEST: usize = 48;
 /// 5/8, and its 1024th power underflows.
 const LIMIT_SQUARINGS: usize = 10;
 
-/// Tables of one surface. Constant; positions of the control vertices live elsewhere.
+/// The tables of one surface, which are constant; positions of the control vertices are stored elsewhere.
 ///
 /// ```
 /// use stickslip::surface::subdivision::{LARGEST_SUPPORT, LimitSurface};
@@ -49,10 +49,10 @@ const LIMIT_SQUARINGS: usize = 10;
 /// ```
 #[derive(Debug, Clone)]
 pub struct LimitSurface {
-    /// Per triangle, where its support ends in `vertices`.
+    /// End of each triangle's support in `vertices`.
     ends: Vec<u32>,
     vertices: Vec<u32>,
-    /// Per triangle, its patch.
+    /// Patch of each triangle.
     patch_of: Vec<u32>,
     patches: Vec<Patch>,
     box_spline: BoxSpline,
@@ -60,31 +60,31 @@ pub struct LimitSurface {
 
 #[derive(Debug, Clone)]
 enum Patch {
-    /// A box spline of its own vertices.
+    /// The triangle is a box spline of its own vertices.
     Regular,
-    /// A box spline of these combinations of its vertices.
+    /// The triangle is a box spline of these combinations of its vertices.
     Bordered(Combination),
-    /// Evaluated on its children: at the corners, and in the middle.
+    /// The triangle is evaluated on its children: those at the corners, then the middle one.
     Divided(Box<[Child; 4]>),
 }
 
 #[derive(Debug, Clone)]
 struct Child {
     patch: u32,
-    /// Its vertices from those of the parent.
+    /// The child's vertices as combinations of those of the parent.
     refinement: Combination,
-    /// If it is the same patch again.
+    /// Powers of the refinement, if the child is the same patch again.
     powers: Option<Powers>,
 }
 
-/// Powers of the matrix A of a corner child that equals its parent, without the part that does not
-/// decay: Aⁿ = 1 lᵀ + Bⁿ. Kept apart, the small differences that make tangents near the vertex keep all
+/// Powers of the matrix A of a corner child that equals its parent, without the part that does not decay:
+/// Aⁿ = 1 lᵀ + Bⁿ. With that part separated, the small differences that determine tangents near the vertex keep all
 /// their digits.
 #[derive(Debug, Clone)]
 struct Powers {
-    /// l, the weights of the limit of the vertex.
+    /// Weights l of the limit of the vertex.
     limit: Vec<f64>,
-    /// B¹, B², …, each by rows.
+    /// Powers B¹, B², …, each row by row.
     decaying: Vec<Vec<f64>>,
 }
 
@@ -122,7 +122,7 @@ impl LimitSurface {
         Ok(limit)
     }
 
-    /// The patch of a neighbourhood, made if there is none; `None` if it is too large.
+    /// Returns the patch of a neighbourhood, built if there is none yet; `None` if it is too large.
     fn patch(&mut self, neighborhood: &Neighborhood, known: &mut HashMap<Neighborhood, u32>) -> Option<u32> {
         if let Some(&patch) = known.get(neighborhood) {
             return Some(patch);
@@ -132,7 +132,7 @@ impl LimitSurface {
         }
         let index = self.patches.len() as u32;
         known.insert(neighborhood.clone(), index);
-        // Holds the place while the children, of which one may be this patch again, are made.
+        // This holds the place while the children are built, of which one may be this patch again.
         self.patches.push(Patch::Regular);
         self.patches[index as usize] = match neighborhood.regular() {
             Some(combination) if combination.is_identity() => Patch::Regular,
@@ -151,7 +151,7 @@ impl LimitSurface {
         Some(index)
     }
 
-    /// The control vertices that decide the surface over a triangle, its own first.
+    /// Returns the control vertices that determine the surface over a triangle, its own first.
     #[inline]
     pub fn support(&self, triangle: u32) -> &[u32] {
         let t = triangle as usize;
@@ -159,12 +159,12 @@ impl LimitSurface {
         &self.vertices[start as usize..self.ends[t] as usize]
     }
 
-    /// Vertices in a [`support`](Self::support), at most.
+    /// Largest number of vertices in a [`support`](Self::support).
     pub fn largest_support(&self) -> usize {
         (0..self.ends.len() as u32).map(|triangle| self.support(triangle).len()).max().unwrap_or(0)
     }
 
-    /// Basis functions of the [`support`](Self::support) at barycentric weights of the triangle.
+    /// Returns the basis functions of the [`support`](Self::support) at barycentric weights of the triangle.
     pub fn jet(&self, triangle: u32, weights: [f64; 3]) -> Jet {
         self.patch_jet(self.patch_of[triangle as usize], weights)
     }
@@ -200,7 +200,7 @@ impl LimitSurface {
     }
 }
 
-/// The weights in the child at a corner: twice the others.
+/// Weights in the child at a corner: the other two are multiplied by `factor`.
 fn towards(mut weights: [f64; 3], corner: usize, factor: f64) -> [f64; 3] {
     let (i, j) = ((corner + 1) % 3, (corner + 2) % 3);
     weights[i] *= factor;
@@ -209,8 +209,8 @@ fn towards(mut weights: [f64; 3], corner: usize, factor: f64) -> [f64; 3] {
     weights
 }
 
-/// How many times the child at a corner is divided again until the point is no longer in its corner
-/// child, and the weights there.
+/// Returns how many times the child at a corner is divided again until the point is no longer in its corner child, and
+/// the weights there.
 fn descend(weights: [f64; 3], corner: usize) -> (usize, [f64; 3]) {
     let (i, j) = ((corner + 1) % 3, (corner + 2) % 3);
     let mut rest = weights[i] + weights[j];
@@ -222,7 +222,7 @@ fn descend(weights: [f64; 3], corner: usize) -> (usize, [f64; 3]) {
     }
     let mut weights = towards(weights, corner, factor);
     if rest <= 0.5 {
-        // Nearer than the deepest table: out to the ring that it covers.
+        // The point is nearer than the deepest table: it is moved out to the ring that the table covers.
         if rest > 0.0 {
             weights = towards(weights, corner, 0.75 / rest);
         } else {
@@ -241,7 +241,7 @@ impl Powers {
         let mut settled = step.clone();
         for _ in 0..LIMIT_SQUARINGS {
             settled = product(&settled, &settled, size);
-            // Each row keeps the sum 1 that round-off would otherwise square away.
+            // Each row is rescaled to the sum 1, since squaring would amplify its round-off.
             for row in settled.chunks_mut(size) {
                 let sum: f64 = row.iter().sum();
                 row.iter_mut().for_each(|entry| *entry /= sum);
@@ -256,7 +256,7 @@ impl Powers {
         Self { limit, decaying: powers }
     }
 
-    /// Basis functions after `steps` ≥ 1 divisions from those of the last child.
+    /// Returns the basis functions after `steps` ≥ 1 divisions from those of the last child.
     fn pull(&self, steps: usize, jet: &Jet) -> Jet {
         let size = self.limit.len();
         let rows = self.decaying[steps - 1].chunks(size);
@@ -266,7 +266,7 @@ impl Powers {
                 to.iter_mut().zip(from).for_each(|(to, from)| *to += factor * from);
             }
         }
-        // Values sum to 1; derivatives to 0, so that the part that does not decay has none.
+        // Values sum to 1 and derivatives to 0, so derivatives have no part that does not decay.
         pulled.entries_mut().iter_mut().zip(&self.limit).for_each(|(to, l)| to[0] += l);
         pulled
     }

@@ -1,40 +1,40 @@
-//! The triangles around a triangle, numbered in the same way wherever they are, and one step of Loop
+//! The triangles around a triangle, in a numbering independent of their place in the mesh, and one step of Loop
 //! subdivision of them.
 //!
-//! Two triangles with equal neighbourhoods have the same basis functions, so all tables are made per
-//! neighbourhood and not per triangle.
+//! Two triangles with equal neighbourhoods have the same basis functions, so all tables are built per neighbourhood and
+//! not per triangle.
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 use super::combination::Combination;
 
-/// The triangles that share a vertex with the first one, whose vertices are 0, 1 and 2: its *corners*.
-/// Everything that decides the limit surface over the first triangle.
+/// The triangles that share a vertex with the first one, whose vertices 0, 1 and 2 are its *corners*. They alone
+/// determine the limit surface over the first triangle.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Neighborhood {
     triangles: Vec<[u8; 3]>,
     vertex_count: usize,
 }
 
-/// Where the twelve vertices around a triangle of the regular lattice are, in units of its two edges
-/// from vertex 0, in the order in which [`Neighborhood::around`] numbers them.
+/// Positions of the twelve vertices around a triangle of the regular lattice, in units of its two edges from vertex 0,
+/// in the order in which [`Neighborhood::around`] numbers them.
 pub const LATTICE: [(i8, i8); 12] =
     [(0, 0), (1, 0), (0, 1), (-1, 1), (-1, 0), (0, -1), (1, -1), (2, -1), (2, 0), (1, 1), (0, 2), (-1, 2)];
 
 /// A neighbourhood after one step of subdivision.
 pub struct Split {
-    /// Around the four children of the first triangle: at its corners, then the middle one, whose
+    /// Neighbourhoods of the four children of the first triangle: those at its corners, then the middle one, whose
     /// corners lie opposite those of its parent.
     pub children: [Neighborhood; 4],
-    /// The vertices of each child from those of the parent.
+    /// The vertices of each child as combinations of those of the parent.
     pub refinement: [Combination; 4],
 }
 
 impl Neighborhood {
-    /// Numbers the triangles around `first`: around each of its corners anticlockwise from itself, and
-    /// at a border clockwise as well. Returns which vertex got which number. `triangles` holds at least
-    /// all that touch `first`, anticlockwise from outside.
+    /// Numbers the triangles around `first`: around each of its corners anticlockwise from itself, and at a border
+    /// clockwise as well. Also returns the vertex that each number stands for. `triangles` holds at least all triangles
+    /// that touch `first`, anticlockwise from outside.
     pub fn around(first: [u32; 3], triangles: &[[u32; 3]]) -> (Self, Vec<u32>) {
         let rotated = |t: &[u32; 3], from: u32, to: u32| {
             (0..3).map(|k| [t[k], t[(k + 1) % 3], t[(k + 2) % 3]]).find(|t| t[0] == from && t[1] == to)
@@ -71,12 +71,12 @@ impl Neighborhood {
         (Self { triangles, vertex_count: order.len() }, order)
     }
 
-    /// Vertices, the corners first.
+    /// Number of vertices, including the corners.
     pub fn vertex_count(&self) -> usize {
         self.vertex_count
     }
 
-    /// The third vertices of the triangles on an edge: one at a border, else two.
+    /// Third vertices of the triangles on an edge: one at a border, otherwise two.
     fn apexes(&self, i: u8, j: u8) -> Vec<u8> {
         let on_edge = self.triangles.iter().filter(|t| t.contains(&i) && t.contains(&j));
         on_edge.flatten().copied().filter(|&v| v != i && v != j).collect()
@@ -91,10 +91,10 @@ impl Neighborhood {
         ring
     }
 
-    /// One step of Loop's scheme; borders by the cubic B-spline rule.
+    /// Performs one step of Loop's scheme; borders follow the cubic B-spline rule.
     pub fn split(&self) -> Split {
         let is_corner = |v: u8| v < 3;
-        // A child vertex is (i, i) for the successor of corner i, (i, j) with i < j for a point on an
+        // The name of a child vertex is (i, i) for the successor of corner i, and (i, j) with i < j for a point on an
         // edge that touches a corner.
         let mut names: BTreeMap<(u8, u8), u32> = BTreeMap::new();
         for (i, j) in self.triangles.iter().flat_map(|t| [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])]) {
@@ -158,8 +158,8 @@ impl Neighborhood {
         }
     }
 
-    /// The twelve vertices of the regular lattice from those of this neighbourhood, if it is a part of
-    /// the lattice. Across a border they are mirrored, b + b′ − a for the triangle (b, b′, a) on it: the
+    /// Returns the twelve vertices of the regular lattice as combinations of those of this neighbourhood, if it is a
+    /// part of the lattice. Across a border they are mirrored, b + b′ − a for the triangle (b, b′, a) on it: the
     /// lattice's rules then give the B-spline rules on the border.
     pub fn regular(&self) -> Option<Combination> {
         let mut place: Vec<Option<(i8, i8)>> = vec![None; self.vertex_count];
@@ -209,7 +209,7 @@ impl Neighborhood {
     }
 }
 
-/// Loop's weight β of each of n neighbours of an interior vertex.
+/// Loop's weight β of each of the n neighbours of an interior vertex.
 fn interior_weight(n: usize) -> f64 {
     let n = n as f64;
     let centre = 0.375 + 0.25 * (TAU / n).cos();

@@ -1,72 +1,72 @@
-//! How far a method is off, and what came of it.
+//! Errors of a method, and its status.
 
 use serde::Serialize;
 
 use super::method::Method;
-use super::record::{Felt, MODE_WINDOW_S, Record, Reference, force_error, mean, ratio};
+use super::record::{MODE_WINDOW_S, Record, Reference, RenderedTick, force_error, mean, ratio};
 use crate::contact::law::Mode;
 use crate::scene::{Scene, SceneError};
 use crate::verify::residual::largest;
 
-/// A hand takes forces for the same that differ by less than this share.
+/// Relative difference below which a hand cannot tell two forces apart.
 pub const PERCEPTION: f64 = 0.1;
-/// A relative error above this is worse than commanding no force at all, whose error is 1.
+/// Relative error above which a method counts as diverged: commanding no force at all has the error 1.
 const DIVERGED_ABOVE: f64 = 1.0;
-/// Force errors are also given for windows this long, s.
+/// Length of the windows for which force errors are given, s.
 const FORCE_WINDOW_S: f64 = 0.1;
 
 /// Force errors in a window of time, relative to the force of the whole drag.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct WindowError {
-    /// Where it begins, s.
+    /// Begin of the window, s.
     pub time_s: f64,
-    /// Of the force,
+    /// Error of the force.
     pub force: f64,
-    /// along the contact normal,
+    /// Error along the contact normal.
     pub normal: f64,
-    /// and across.
+    /// Error across the contact normal.
     pub tangential: f64,
 }
 
-/// How far a method is off, against the reference at the same tick unless it says otherwise.
+/// Errors of a method against the reference at the same tick, unless stated otherwise.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Errors {
     /// Root mean square of the force error over that of the reference's force.
     pub force_error_rms_rel: f64,
-    /// The same against the fine reference.
+    /// The same error against the fine reference.
     pub force_error_rms_rel_fine: f64,
-    /// N.
+    /// Largest force error, N.
     pub force_error_max_n: f64,
-    /// The part of the error along the reference's normal,
+    /// Part of the error along the reference's normal, relative to the whole force.
     pub normal_error_rms_rel: f64,
-    /// and across: both relative to the whole force, so that their squares add up.
+    /// Part across the normal, relative to the whole force; the squares of both parts add up to that of the error.
     pub tangential_error_rms_rel: f64,
-    /// The same in windows.
+    /// Force errors in windows of 100 ms.
     pub force_error_per_100_ms: Vec<WindowError>,
     /// 1 − ½ Σ |difference in the share of free, sticking, sliding and slipping ticks|, mean over windows of
     /// 50 ms: under stick-slip contact, 1 − the difference in the fraction that slips.
     pub mode_agreement: f64,
-    /// In the worst window.
+    /// Mode agreement in the worst window.
     pub mode_agreement_worst: f64,
-    /// How much later slip sets in, s; absent if it does not in both.
+    /// Delay of the onset of slip, s; absent if slip does not set in in both runs.
     pub slip_onset_error_s: Option<f64>,
     /// Root mean square of the distance between the contact points, on the surface at rest, m; absent if
     /// they never touch at the same time.
     pub contact_point_error_rms_m: Option<f64>,
-    /// The largest, m.
+    /// Largest distance between the contact points, on the surface at rest, m.
     pub contact_point_error_max_m: Option<f64>,
     /// Largest change of force in the first tick of a new model, beyond the reference's, over its force.
     pub handover_jump_rel: f64,
-    /// Residual of the energy book over the total |work|.
+    /// Residual of the energy balance over the total |work|.
     pub energy_residual_rel: f64,
 }
 
 impl Errors {
-    /// Of a run.
+    /// Computes the errors of a run.
     pub fn of(record: &Record, reference: &Reference) -> Self {
         let coarse = &reference.coarse;
         let force_rms = coarse.force_rms_n();
-        let parts: Vec<[f64; 3]> = record.felt.iter().zip(&coarse.felt).map(error_parts).collect();
+        let parts: Vec<[f64; 3]> = record.rendered.iter().zip(&coarse.rendered).map(error_parts).collect();
         let relative = |part: usize, parts: &[[f64; 3]]| ratio(mean(parts.iter().map(|e| e[part])).sqrt(), force_rms);
         let window = record.window(FORCE_WINDOW_S);
         let per_window = parts.chunks(window).enumerate().map(|(i, parts)| WindowError {
@@ -76,9 +76,14 @@ impl Errors {
             tangential: relative(2, parts),
         });
         let modes = record.window(MODE_WINDOW_S);
-        let agreements: Vec<f64> =
-            record.felt.chunks(modes).zip(coarse.felt.chunks(modes)).map(|(a, b)| mode_agreement(a, b)).collect();
-        let places = record.felt.iter().zip(&coarse.felt).filter_map(|(a, b)| Some((a.place? - b.place?).norm()));
+        let agreements: Vec<f64> = record
+            .rendered
+            .chunks(modes)
+            .zip(coarse.rendered.chunks(modes))
+            .map(|(a, b)| mode_agreement(a, b))
+            .collect();
+        let places =
+            record.rendered.iter().zip(&coarse.rendered).filter_map(|(a, b)| Some((a.place? - b.place?).norm()));
         let distances: Vec<f64> = places.collect();
         let touched = |value: f64| (!distances.is_empty()).then_some(value);
         Self {
@@ -99,22 +104,24 @@ impl Errors {
     }
 }
 
-/// |e|², (e·n̂)² and |e − (e·n̂)n̂|² of one tick, N².
-fn error_parts((felt, reference): (&Felt, &Felt)) -> [f64; 3] {
-    let error = felt.force - reference.force;
-    let along = reference.normal.or(felt.normal).map_or(0.0, |normal| error.dot(&normal));
+/// Returns |e|², (e·n̂)² and |e − (e·n̂)n̂|² of one tick, N².
+fn error_parts((rendered, reference): (&RenderedTick, &RenderedTick)) -> [f64; 3] {
+    let error = rendered.force - reference.force;
+    let along = reference.normal.or(rendered.normal).map_or(0.0, |normal| error.dot(&normal));
     let square = error.norm_squared();
     [square, along * along, (square - along * along).max(0.0)]
 }
 
-/// 1 − the total variation distance between the shares of modes.
-fn mode_agreement(a: &[Felt], b: &[Felt]) -> f64 {
-    let share = |felt: &[Felt], mode| felt.iter().filter(|felt| felt.mode == mode).count() as f64 / felt.len() as f64;
+/// Returns 1 − the total variation distance between the shares of modes.
+fn mode_agreement(a: &[RenderedTick], b: &[RenderedTick]) -> f64 {
+    let share = |rendered: &[RenderedTick], mode| {
+        rendered.iter().filter(|rendered| rendered.mode == mode).count() as f64 / rendered.len() as f64
+    };
     let apart = [Mode::Free, Mode::Stick, Mode::Slide, Mode::Slip].map(|mode| (share(a, mode) - share(b, mode)).abs());
     1.0 - 0.5 * apart.iter().sum::<f64>()
 }
 
-/// What came of a method.
+/// Status of a method.
 ///
 /// ```
 /// use stickslip::verify::accuracy::Status;
@@ -127,18 +134,18 @@ fn mode_agreement(a: &[Felt], b: &[Felt]) -> f64 {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
-    /// Its error can be told from the reference's own, and it is within the budget.
+    /// The error exceeds the disagreement of the references, and the method is within the budget.
     Ok,
-    /// Its error is below the disagreement of the references: better than can be measured here.
+    /// The error is at or below the disagreement of the references and cannot be resolved.
     Unresolved,
     /// A tick or a cycle takes longer than the budget allows.
     Overrun,
-    /// A fault ended it, or its force is worse than none.
+    /// A fault ended the run, or the force is worse than none.
     Diverged,
 }
 
 impl Status {
-    /// As JSON has it.
+    /// Returns the name as it is written in JSON.
     pub fn name(self) -> &'static str {
         match self {
             Self::Ok => "ok",
@@ -149,24 +156,24 @@ impl Status {
     }
 }
 
-/// A method held against its reference.
+/// Comparison of a method with its reference.
 #[derive(Debug, Clone)]
 pub struct Assessment {
-    /// Its run.
+    /// Run of the method.
     pub record: Record,
-    /// How far it is off.
+    /// Errors of the method.
     pub errors: Errors,
-    /// Whether its error is at or below the floor.
+    /// Whether the error is at or below the floor.
     pub is_unresolved: bool,
-    /// A fault ended it, or its force is worse than none.
+    /// Whether a fault ended the run, or its force is worse than none.
     pub is_diverged: bool,
 }
 
 impl Assessment {
-    /// Runs the scene's drag by a method whose contact is that of the reference.
+    /// Runs the scene's drag by a method with the reference's contact, and computes its errors.
     ///
     /// # Errors
-    /// If it cannot start.
+    /// If the method cannot start.
     pub fn of(scene: &Scene, method: &Method, reference: &Reference) -> Result<Self, SceneError> {
         let record = Record::of(&method.scene(scene))?;
         let errors = Errors::of(&record, reference);
@@ -179,7 +186,7 @@ impl Assessment {
         })
     }
 
-    /// What came of it.
+    /// Returns the status of the method.
     pub fn status(&self, within_budget: bool) -> Status {
         match (self.is_diverged, within_budget, self.is_unresolved) {
             (true, _, _) => Status::Diverged,
@@ -190,7 +197,7 @@ impl Assessment {
     }
 }
 
-/// Which of some (cost, error) no other beats in both: the Pareto front.
+/// Marks the Pareto front of some (cost, error): the points that no other beats in both.
 ///
 /// ```
 /// use stickslip::verify::accuracy::front;

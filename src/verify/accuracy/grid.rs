@@ -13,45 +13,45 @@ use crate::scene::{Scene, SceneError};
 use crate::surface::geometry::ContactSurface;
 use crate::surface::support::Metric;
 
-/// The paper's local model: one ring of tangents in an exterior that stands still,
+/// The paper's local model: one ring of tangents in a fixed exterior.
 pub const PAPER: LocalSettings = LocalSettings {
     extent: Extent::Rings(1),
     linearization: Linearization::Tangent(TangentKind::Exact),
     exterior: ExteriorKind::Fixed,
 };
-/// renewed so often, Hz.
+/// Rate at which the paper's local model is updated, Hz.
 pub const PAPER_RATE_HZ: f64 = 10.0;
 
-/// Bytes that the dense matrices of one local model may take in a grid; a scene's own may take more.
+/// Largest size of the dense matrices of one local model in a grid, bytes; a scene's own may exceed it.
 const MOST_MATRIX_BYTES: usize = 1 << 28;
 
-/// Which methods are compared.
+/// Extent of a comparison.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Coverage {
-    /// One and two rings, the paper's rate, the scene's contact: what a report has time for.
+    /// One and two rings, the paper's rate, the scene's contact: the extent of a report.
     Brief,
     /// One to three rings and all, the paper's rate and five times that, the scene's contact and the velocity
-    /// scheme on subdivision.
+    /// scheme on the limit surface.
     Default,
-    /// Also four rings, coarse far fields, more rates and more contacts.
+    /// The default, and four rings, coarse far fields, more rates and more contacts.
     All,
 }
 
-/// The methods of a comparison, the paper's and the scene's own among them.
+/// Methods of a comparison, among them the paper's and the scene's own.
 #[derive(Debug, Clone)]
 pub struct Grid {
-    /// Each once, grouped by contact, the scene's own contact first.
+    /// Methods, each once, grouped by contact, the scene's own contact first.
     pub methods: Vec<Method>,
-    /// Contacts in the order in which they come.
+    /// Contacts in the order of the methods.
     pub contacts: Vec<Touching>,
-    /// What was not taken in, and why.
+    /// Omitted methods, with the reasons.
     pub left_out: Vec<String>,
 }
 
-/// The methods that a scene's drag is run with.
+/// Lists the methods with which a scene's drag is run.
 ///
 /// # Errors
-/// If the scene cannot be put together.
+/// If the scene cannot be assembled.
 ///
 /// ```
 /// use stickslip::{scene::Scene, verify::accuracy::{Coverage, Method, PAPER, PAPER_RATE_HZ, grid}};
@@ -87,16 +87,15 @@ pub fn grid(scene: &Scene, coverage: Coverage) -> Result<Grid, SceneError> {
         match ticks_per_cycle(scene, rate) {
             Some(_) if rates.contains(&rate) => {}
             Some(_) => rates.push(rate),
-            None => {
-                left_out.push(format!("{rate} Hz: the scene's ticks, or its latency, do not fit into such a cycle"))
-            }
+            None => left_out
+                .push(format!("{rate} Hz: the scene's ticks or its latency do not fit into a cycle at this rate")),
         }
     }
     let free = scene.fixed.iter().filter(|&&fixed| !fixed).count();
     let (mut locals, too_large): (Vec<_>, Vec<_>) =
         local_models(coverage).into_iter().partition(|local| matrix_bytes(local, free) <= MOST_MATRIX_BYTES);
     if !too_large.is_empty() {
-        left_out.push(format!("tangents of all rings: their matrix, for {free} free nodes, is too large"));
+        left_out.push(format!("tangents of all rings: the matrix of {free} free nodes is too large"));
     }
     if !own.is_full && !locals.contains(&own.local) {
         locals.insert(0, own.local);
@@ -109,7 +108,7 @@ pub fn grid(scene: &Scene, coverage: Coverage) -> Result<Grid, SceneError> {
             methods.push(Method { touching, ..own });
         }
         for &local in &locals {
-            // All springs at every tick are the full network, however often they are collected anew.
+            // A model with all springs evaluated at every tick is the full network at any update rate.
             let renewals = if is_exact(&local) { &rates[..1] } else { &rates[..] };
             methods.extend(renewals.iter().map(|&global_rate| Method {
                 is_full: false,
@@ -139,11 +138,11 @@ pub fn grid(scene: &Scene, coverage: Coverage) -> Result<Grid, SceneError> {
     Ok(Grid { methods, contacts, left_out })
 }
 
-/// Integrators that solve the linear model as a whole.
+/// Integrators that solve the linear model exactly or implicitly.
 const SOLVED: [LocalIntegrator; 3] =
     [LocalIntegrator::ImplicitEuler, LocalIntegrator::ImplicitMidpoint, LocalIntegrator::Exponential];
 
-/// Linear models that they are compared on: one and two rings, as the paper has them or condensed.
+/// Returns whether such integrators are compared on a local model: one or two rings, fixed (the paper's) or condensed.
 fn is_solvable(local: &LocalSettings) -> bool {
     let small = matches!(local.extent, Extent::Rings(1 | 2));
     let followed = Condensation { tangent: TangentKind::Exact, reach: Reach::All };
@@ -155,7 +154,7 @@ fn is_exact(local: &LocalSettings) -> bool {
     (local.extent, local.linearization) == (Extent::All, Linearization::None)
 }
 
-/// The contacts that are compared beside the scene's own.
+/// Returns the contacts that are compared beside the scene's own.
 fn other_contacts(coverage: Coverage) -> Vec<Touching> {
     let geometric = |surface, deformation| {
         let scheme = Scheme::Geometric { deformation, metric: Metric::Euclidean };
@@ -176,7 +175,7 @@ fn other_contacts(coverage: Coverage) -> Vec<Touching> {
     contacts
 }
 
-/// The local models that are compared.
+/// Returns the local models that are compared.
 fn local_models(coverage: Coverage) -> Vec<LocalSettings> {
     use Linearization::{None as Springs, Tangent};
     use TangentKind::{Exact, Stabilised};
@@ -213,7 +212,7 @@ fn local_models(coverage: Coverage) -> Vec<LocalSettings> {
     models
 }
 
-/// \[K D\] of a patch, 3m × 6m.
+/// Returns the size of \[K D\] of a patch, 3m × 6m, in bytes.
 fn matrix_bytes(local: &LocalSettings, free: usize) -> usize {
     let m = match local.extent {
         Extent::All => free,

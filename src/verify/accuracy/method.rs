@@ -1,4 +1,4 @@
-//! One way to run a drag, and its words.
+//! Method of running a drag, and its names in scenes.
 
 use std::fmt;
 
@@ -13,7 +13,7 @@ use crate::model::springs::TangentKind;
 use crate::scene::{ExteriorName, LinearizationName, LocalModelName, Rings, Scene, SchemeName};
 use crate::surface::geometry::ContactSurface;
 
-/// How the tip meets the mesh.
+/// Contact of the tip with the mesh: surface and scheme.
 ///
 /// ```
 /// use stickslip::{contact::rules::Scheme, surface::geometry::ContactSurface};
@@ -26,13 +26,13 @@ use crate::surface::geometry::ContactSurface;
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Touching {
-    /// What it feels.
+    /// Contact surface.
     pub surface: ContactSurface,
-    /// How it constrains.
+    /// Contact scheme.
     pub scheme: Scheme,
 }
 
-/// One way to run a drag.
+/// Method of running a drag: local model, integrator, update rate and contact.
 ///
 /// ```
 /// use stickslip::{scene::{Rings, Scene}, verify::accuracy::Method};
@@ -43,32 +43,32 @@ pub struct Touching {
 /// let names = method.names();
 /// assert_eq!((names.model, names.rings, names.far_field), ("patch", Rings::Count(1), None));
 /// assert_eq!(method.touching.to_string(), "geometric scheme on the faceted surface, rigid");
-/// assert_eq!(method.touching.names().model, "full"); // what it is held against
+/// assert_eq!(method.touching.names().model, "full"); // of the reference
 ///
-/// // Renewed five times as often, with steps of the network as long as before.
+/// // Updated five times as often, with unchanged steps of the network.
 /// let often = Method { global_rate: 50.0, ..method }.scene(&scene);
 /// assert_eq!((often.ticks_per_cycle(), often.global.substeps), (20, 20));
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Method {
-    /// `model = "full"`: there is no local model.
+    /// Whether the full network is run (`model = "full"`), without a local model.
     pub is_full: bool,
-    /// The local model.
+    /// Settings of the local model.
     pub local: LocalSettings,
-    /// How its ticks are solved.
+    /// Integrator of the local model.
     pub integrator: LocalIntegrator,
-    /// How often it is renewed, Hz.
+    /// Rate at which the local model is updated, Hz.
     pub global_rate: f64,
-    /// The contact.
+    /// Contact of the tip with the mesh.
     pub touching: Touching,
 }
 
-/// A method in the words of scenes; `None` where a key has no effect.
+/// Names of a method's settings in scenes; `None` where a key has no effect.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Names {
     /// "patch" or "full".
     pub model: &'static str,
-    /// A number, or "all".
+    /// Number of rings, or "all".
     pub rings: Rings,
     /// "tangent" or "none".
     pub linearization: &'static str,
@@ -76,11 +76,11 @@ pub struct Names {
     pub exterior: Option<&'static str>,
     /// "exact" or "stabilised".
     pub tangent: Option<&'static str>,
-    /// How far a condensed exterior follows; "all" of it, or springs from the centre.
+    /// Reach of a condensed exterior: "all" of it, or a number of springs from the centre.
     pub condense_rings: Option<Rings>,
-    /// What lies beyond, "fixed" or "coarse".
+    /// Far field beyond that reach: "fixed" or "coarse".
     pub far_field: Option<&'static str>,
-    /// Of the local model.
+    /// Integrator of the local model.
     pub integrator: &'static str,
     /// "geometric" or "velocity".
     pub scheme: &'static str,
@@ -90,12 +90,12 @@ pub struct Names {
     pub deformation: Option<&'static str>,
     /// "euclidean" or "mass".
     pub metric: Option<&'static str>,
-    /// Hz.
+    /// Rate of the global cycle, Hz.
     pub global_rate: f64,
 }
 
 impl Method {
-    /// What a scene asks for.
+    /// Returns the method of a scene.
     pub fn of(scene: &Scene) -> Self {
         Self {
             is_full: scene.is_full(),
@@ -106,7 +106,7 @@ impl Method {
         }
     }
 
-    /// The scene's drag, run this way. The substeps of the global side stay as long as they are.
+    /// Returns the scene's drag with this method. The length of the global side's substeps is unchanged.
     pub fn scene(&self, scene: &Scene) -> Scene {
         let own = scene.clone().with_surface(self.touching.surface).with_scheme(self.touching.scheme);
         let mut own = if self.is_full {
@@ -120,7 +120,7 @@ impl Method {
         own.with_ticks_per_cycle(ticks)
     }
 
-    /// In the words of scenes.
+    /// Returns the names in scenes.
     pub fn names(&self) -> Names {
         let LocalSettings { extent, linearization, exterior } = self.local;
         let mut tangent = match linearization {
@@ -159,7 +159,7 @@ impl Method {
 }
 
 impl Touching {
-    /// In the words of scenes, with the full network.
+    /// Returns the names in scenes, with the full network.
     pub fn names(self) -> Names {
         Method {
             is_full: true,
@@ -172,7 +172,7 @@ impl Touching {
     }
 }
 
-/// The local model and its rate; not the contact.
+/// Prints the local model and its rate, without the contact.
 impl fmt::Display for Method {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.is_full {
@@ -199,7 +199,7 @@ impl fmt::Display for Touching {
     }
 }
 
-/// Ticks in a cycle of this rate; `None` if it is no whole number, or the scene's models come later than that.
+/// Returns the ticks in a cycle of this rate; `None` if that is no whole number, or not above the models' latency.
 pub(super) fn ticks_per_cycle(scene: &Scene, rate: f64) -> Option<u32> {
     let ratio = scene.local_rate_hz() / rate;
     let ticks = ratio.round();

@@ -1,4 +1,4 @@
-//! What local approximations cost in accuracy: a grid of them, each held against the whole network at the
+//! Accuracy of local approximations: a grid of local models, each compared with the whole network at the
 //! haptic rate with the same contact code, so that nothing but the local model differs.
 
 mod errors;

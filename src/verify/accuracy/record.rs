@@ -1,4 +1,4 @@
-//! Runs as errors are taken from them, and those that methods are held against.
+//! Records of runs, from which errors are computed, and the references of the methods.
 
 use super::super::surfaces::whole;
 use super::method::Touching;
@@ -12,30 +12,30 @@ use crate::pipeline::Simulation;
 use crate::scene::{Scene, SceneError};
 use crate::verify::residual::largest;
 
-/// The fine reference takes so many steps in a tick.
+/// Steps of the fine reference in a tick.
 pub const REFINEMENT: u32 = 8;
-/// Ticks stick and slip in turns, so modes are compared by their shares in windows this long, s.
+/// Length of the windows in which shares of modes are compared, s: ticks alternate between stick and slip.
 pub(super) const MODE_WINDOW_S: f64 = 0.05;
-/// Slip has set in where at least this share of the window that follows slips.
+/// Share of slipping ticks in the following window at which slip has set in.
 const ONSET_SHARE: f64 = 0.5;
 
-/// One tick of a record.
+/// Tick of a record.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Felt {
+pub(super) struct RenderedTick {
     pub(super) force: Vec3,
     normal_force: f64,
     tangential_force: f64,
     pub(super) mode: Mode,
-    /// n̂, in contact.
+    /// Contact normal n̂; none when free.
     pub(super) normal: Option<Vec3>,
-    /// Where the contact point lies on the surface at rest, m.
+    /// Place of the contact point on the surface at rest, m.
     pub(super) place: Option<Vec3>,
-    /// The first tick of a new model.
+    /// Whether this is the first tick of a new model.
     handed_over: bool,
 }
 
-/// After a fault nothing is commanded.
-const NOTHING: Felt = Felt {
+/// Tick after a fault, in which nothing is commanded.
+const NOTHING: RenderedTick = RenderedTick {
     force: Vec3::new(0.0, 0.0, 0.0),
     normal_force: 0.0,
     tangential_force: 0.0,
@@ -45,7 +45,7 @@ const NOTHING: Felt = Felt {
     handed_over: false,
 };
 
-/// A run as errors are taken from it: the state at the end of every tick of the scene, without force after
+/// Record of a run: the state at the end of every tick of the scene, without force after
 /// a fault.
 ///
 /// ```
@@ -61,34 +61,34 @@ const NOTHING: Felt = Felt {
 /// ```
 #[derive(Debug, Clone)]
 pub struct Record {
-    pub(super) felt: Vec<Felt>,
+    pub(super) rendered: Vec<RenderedTick>,
     pub(super) tick: f64,
-    /// The fault that ended it, if one did.
+    /// Fault that ended the run, if one did.
     pub fault: Option<String>,
-    /// Residual of the energy book over the total |work|; 0 without work.
+    /// Residual of the energy balance over the total |work|; 0 without work.
     pub energy_residual_rel: f64,
-    /// What was computed.
+    /// Counts of computed work.
     pub work: WorkCounts,
-    /// What became of a condensed exterior.
+    /// Counts of condensed models, with a condensed exterior.
     pub condensation: Option<CondensationCounts>,
 }
 
 impl Record {
-    /// Runs a scene.
+    /// Runs a scene and records it.
     ///
     /// # Errors
-    /// If it cannot start. A fault is part of the answer.
+    /// If the scene cannot start. A fault is part of the result.
     pub fn of(scene: &Scene) -> Result<Self, SceneError> {
         Self::every(scene, 1)
     }
 
-    /// Runs a scene and keeps one tick of so many. The geometric scheme's force is that of a state, kept as it
-    /// is at the end; the velocity scheme's is an impulse over a tick, kept as its mean.
+    /// Runs a scene and records one in `ticks` ticks. The geometric scheme's force is that of a state and is recorded at
+    /// the end; the velocity scheme's is an impulse over a tick and is recorded as its mean.
     fn every(scene: &Scene, ticks: u32) -> Result<Self, SceneError> {
         let simulation = Simulation::prepare(scene)?;
         let rest = simulation.network().rest.clone();
         let mut record = Self {
-            felt: Vec::with_capacity((scene.tick_count() / u64::from(ticks)) as usize),
+            rendered: Vec::with_capacity((scene.tick_count() / u64::from(ticks)) as usize),
             tick: scene.tick_s() * f64::from(ticks),
             fault: None,
             energy_residual_rel: 0.0,
@@ -110,7 +110,7 @@ impl Record {
             let place = report.touch.map(|touch| {
                 view.local.surface().node_weights(&touch.point).map(|(node, weight)| rest[node] * weight).sum()
             });
-            record.felt.push(Felt {
+            record.rendered.push(RenderedTick {
                 force,
                 normal_force: report.normal_force,
                 tangential_force: report.tangential_force(),
@@ -123,32 +123,32 @@ impl Record {
             (record.work, record.condensation) = (view.work, view.condensation);
         });
         record.fault = end.err().map(|fault| fault.to_string());
-        record.felt.resize((scene.tick_count() / u64::from(ticks)) as usize, NOTHING);
+        record.rendered.resize((scene.tick_count() / u64::from(ticks)) as usize, NOTHING);
         Ok(record)
     }
 
-    /// For a figure of its forces.
+    /// Returns the forces as samples for a figure.
     pub fn samples(&self) -> Vec<Sample> {
-        let samples = self.felt.iter().enumerate().map(|(i, felt)| Sample {
+        let samples = self.rendered.iter().enumerate().map(|(i, rendered)| Sample {
             time: (i + 1) as f64 * self.tick,
-            force: felt.force,
-            normal_force: felt.normal_force,
-            tangential_force: felt.tangential_force,
-            mode: felt.mode,
+            force: rendered.force,
+            normal_force: rendered.normal_force,
+            tangential_force: rendered.tangential_force,
+            mode: rendered.mode,
         });
         samples.collect()
     }
 
-    /// Root mean square of the force, N.
+    /// Returns the root mean square of the force, N.
     pub fn force_rms_n(&self) -> f64 {
-        mean(self.felt.iter().map(|felt| felt.force.norm_squared())).sqrt()
+        mean(self.rendered.iter().map(|rendered| rendered.force.norm_squared())).sqrt()
     }
 
-    /// Largest change of force in the first tick of a new model, with contact before and after it, beyond that of
-    /// the reference in the same tick, over the reference's force before it.
+    /// Returns the largest change of force in the first tick of a new model, with contact before and after it, beyond
+    /// that of the reference in the same tick, over the reference's force before it.
     pub(super) fn handover_jump_rel(&self, reference: &Record) -> f64 {
-        let touches = |felt: &Felt| felt.mode != Mode::Free;
-        let jumps = self.felt.windows(2).zip(reference.felt.windows(2)).filter_map(|(own, whole)| {
+        let touches = |rendered: &RenderedTick| rendered.mode != Mode::Free;
+        let jumps = self.rendered.windows(2).zip(reference.rendered.windows(2)).filter_map(|(own, whole)| {
             let counts = own[1].handed_over && own.iter().chain(whole).all(touches);
             let change = (own[1].force - own[0].force) - (whole[1].force - whole[0].force);
             counts.then(|| ratio(change.norm(), whole[0].force.norm()))
@@ -156,22 +156,24 @@ impl Record {
         largest(jumps)
     }
 
-    /// When slip sets in, s.
+    /// Returns the time at which slip sets in, s.
     pub(super) fn slip_onset(&self) -> Option<f64> {
         let window = self.window(MODE_WINDOW_S);
-        let slips = |felt: &Felt| felt.mode == Mode::Slip;
-        let share = |felt: &[Felt]| felt.iter().filter(|felt| slips(felt)).count() as f64 / window as f64;
-        let first = self.felt.windows(window).position(|ahead| slips(&ahead[0]) && share(ahead) >= ONSET_SHARE)?;
+        let slips = |rendered: &RenderedTick| rendered.mode == Mode::Slip;
+        let share = |rendered: &[RenderedTick]| {
+            rendered.iter().filter(|rendered| slips(rendered)).count() as f64 / window as f64
+        };
+        let first = self.rendered.windows(window).position(|ahead| slips(&ahead[0]) && share(ahead) >= ONSET_SHARE)?;
         Some((first + 1) as f64 * self.tick)
     }
 
-    /// Ticks in so many seconds.
+    /// Returns the number of ticks in some seconds.
     pub(super) fn window(&self, seconds: f64) -> usize {
         ((seconds / self.tick).round() as usize).max(1)
     }
 }
 
-/// The whole network at the haptic rate with one contact: what methods are held against.
+/// Reference of the methods: the whole network at the haptic rate with one contact.
 ///
 /// ```
 /// use stickslip::{scene::Scene, verify::accuracy::{Assessment, Errors, Method, Reference, Status}};
@@ -180,12 +182,12 @@ impl Record {
 /// let method = Method::of(&scene);
 /// let reference = Reference::of(&scene, method.touching)?;
 /// // The reference is the whole network at the haptic rate, and finds no error in itself.
-/// assert!(Reference::scene(&scene, method.touching).is_full);
+/// assert!(Reference::scene(&scene, method.touching).is_full());
 /// let errors = Errors::of(&reference.coarse, &reference);
 /// assert_eq!((errors.force_error_rms_rel, errors.mode_agreement), (0.0, 1.0));
 /// assert!(reference.floor > 0.0 && reference.floor < 0.1); // what eight times shorter ticks change
 ///
-/// // A ring of tangents in an exterior that stands still is too stiff by far more than that.
+/// // One ring of tangents in a fixed exterior is too stiff by far more than that.
 /// let assessment = Assessment::of(&scene, &method, &reference)?;
 /// assert!(assessment.errors.force_error_rms_rel > reference.floor);
 /// assert_eq!(assessment.status(true), Status::Ok);
@@ -194,23 +196,23 @@ impl Record {
 /// ```
 #[derive(Debug, Clone)]
 pub struct Reference {
-    /// The contact.
+    /// Contact of the tip with the mesh.
     pub touching: Touching,
-    /// At the scene's tick.
+    /// Run at the scene's tick.
     pub coarse: Record,
-    /// At an eighth of it.
+    /// Run at an eighth of the scene's tick.
     pub fine: Record,
-    /// Their disagreement, relative to the coarse one: smaller errors mean nothing.
+    /// Disagreement of the two runs, relative to the coarse one: smaller errors have no meaning.
     pub floor: f64,
 }
 
 impl Reference {
-    /// The scene of a reference at its tick.
+    /// Returns the scene of a reference at its tick.
     pub fn scene(scene: &Scene, touching: Touching) -> Scene {
         whole(scene, touching.surface, touching.scheme)
     }
 
-    /// Runs both.
+    /// Runs both references.
     ///
     /// # Errors
     /// If the scene cannot start.
@@ -223,9 +225,9 @@ impl Reference {
     }
 }
 
-/// Root mean square of the difference of forces over that of the reference.
+/// Returns the root mean square of the difference of forces over that of the reference.
 pub(super) fn force_error(record: &Record, reference: &Record) -> f64 {
-    let square = record.felt.iter().zip(&reference.felt).map(|(a, b)| (a.force - b.force).norm_squared());
+    let square = record.rendered.iter().zip(&reference.rendered).map(|(a, b)| (a.force - b.force).norm_squared());
     ratio(mean(square).sqrt(), reference.force_rms_n())
 }
 
@@ -234,7 +236,7 @@ pub(super) fn mean(values: impl Iterator<Item = f64>) -> f64 {
     if count > 0 { sum / count as f64 } else { 0.0 }
 }
 
-/// Nothing over nothing is nothing.
+/// Returns part / whole; 0 if `part` is 0, also for 0 / 0.
 pub(super) fn ratio(part: f64, whole: f64) -> f64 {
     if part == 0.0 { 0.0 } else { part / whole }
 }

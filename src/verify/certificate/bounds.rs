@@ -1,4 +1,4 @@
-//! How high a rate may be, given how often something was seen, and whether a series is independent, which
+//! Upper bounds of a rate from observed events, and a test of whether a series is independent, which
 //! those bounds assume.
 
 use serde::{Deserialize, Serialize};
@@ -6,29 +6,29 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use statrs::function::beta::beta_reg;
 use thiserror::Error;
 
-/// Of the bounds: the share of experiments in which the true rate is not above them, at least.
+/// Confidence of the bounds: the least share of experiments in which the true rate is not above them.
 pub const CONFIDENCE: f64 = 0.95;
-/// A series is called independent unless its p-value is at or below this.
+/// A series counts as independent if its p-value is above this.
 pub const LEVEL: f64 = 0.01;
-/// A shorter series is not tested: the χ² distribution of the statistic is that of long ones.
+/// Length below which a series is not tested: the statistic is χ² distributed only in long series.
 pub const SHORTEST_SERIES: usize = 50;
-/// With more trials the logarithms of factorials in the incomplete beta function leave it too few digits.
+/// Number of trials above which the logarithms of factorials in the incomplete beta function lose too many digits.
 pub const MOST_TRIALS: u64 = 1_000_000_000;
-/// With more events the continued fraction of the incomplete beta function is cut off before it has converged.
+/// Number of events above which the continued fraction of the incomplete beta function is cut off before convergence.
 pub const MOST_EVENTS: u64 = 1_000_000;
 
-/// What a rate is a share of.
+/// Trials to which a rate refers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Trials {
     /// An event is a tick that missed its deadline.
     Ticks,
-    /// An event is a block of ticks with at least one miss: right even where misses come in bursts, if those are
-    /// short against a block.
+    /// An event is a block of ticks with at least one miss: valid even for misses in bursts, if these are
+    /// short compared with a block.
     Blocks,
 }
 
 impl Trials {
-    /// What has to hold for a bound on their rate.
+    /// Returns the assumption of a bound on the rate.
     pub fn assumption(self) -> &'static str {
         match self {
             Trials::Ticks => "independent ticks",
@@ -42,7 +42,7 @@ impl Trials {
 /// ```
 /// use stickslip::verify::certificate::bounds::{RateBound, Trials};
 ///
-/// // No miss in a million ticks: the rule of three says not more than 3 in a million.
+/// // No miss in a million ticks: by the rule of three the rate is not above 3 in a million.
 /// let bound = RateBound::of(0, 1_000_000, Trials::Ticks).expect("there were trials");
 /// assert_eq!(bound.estimate, 0.0);
 /// assert!((bound.upper - (1.0 - 0.05_f64.powf(1e-6))).abs() < 1e-12 && (bound.upper - 3e-6).abs() < 1e-8);
@@ -58,23 +58,23 @@ impl Trials {
 /// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RateBound {
-    /// How often it was seen.
+    /// Number of events.
     pub events: u64,
-    /// How often it could have been.
+    /// Number of trials.
     pub trials: u64,
-    /// events / trials.
+    /// Estimated rate, events / trials.
     pub estimate: f64,
-    /// The rate is not above it.
+    /// Upper confidence bound of the rate.
     pub upper: f64,
-    /// [`CONFIDENCE`].
+    /// Confidence of the bound, [`CONFIDENCE`].
     pub confidence: f64,
-    /// What the bound takes for granted.
+    /// Assumption of the bound.
     pub assumption: String,
 }
 
 impl RateBound {
-    /// The one-sided bound of Clopper and Pearson (Biometrika 26, 1934): the rate p at which so few events have
-    /// probability 1 − confidence, P(X ≤ x | n, p) = 1 − I_p(x + 1, n − x). None without trials, with more
+    /// Computes the one-sided bound of Clopper and Pearson (Biometrika 26, 1934): the rate p at which so few events
+    /// have probability 1 − confidence, P(X ≤ x | n, p) = 1 − I_p(x + 1, n − x). None without trials, with more
     /// events than trials, or beyond [`MOST_TRIALS`] or [`MOST_EVENTS`], where it cannot be computed.
     pub fn of(events: u64, trials: u64, of: Trials) -> Option<Self> {
         if trials == 0 || events > trials || trials > MOST_TRIALS || events > MOST_EVENTS {
@@ -87,8 +87,8 @@ impl RateBound {
     }
 }
 
-/// Bisection down to the last bit, 0 <= x < n. The quantile of statrs 0.19 for the same is Newton's method from no less
-/// than 10⁻⁴, and does not come to an end for rates far below that.
+/// Computes the bound by bisection to the last bit, 0 <= x < n. statrs 0.19 computes this quantile by Newton's method
+/// from a start of at least 10⁻⁴, which does not terminate for rates far below that.
 fn upper_bound(x: f64, n: f64) -> f64 {
     let (mut low, mut high) = (x / n, 1.0);
     loop {
@@ -104,16 +104,16 @@ fn upper_bound(x: f64, n: f64) -> f64 {
     }
 }
 
-/// Whether the values of a series depend on those before.
+/// Test of whether the values of a series depend on earlier ones.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Independence {
-    /// Q of Ljung and Box.
+    /// Statistic Q of Ljung and Box.
     pub statistic: f64,
-    /// How far back was looked.
+    /// Number of lags.
     pub lags: usize,
     /// Probability of a Q at least as large if the series is independent.
     pub p_value: f64,
-    /// `p_value` is above [`LEVEL`].
+    /// Whether `p_value` is above [`LEVEL`].
     pub independent: bool,
 }
 
@@ -124,30 +124,30 @@ pub enum Untested {
     /// The statistic's distribution is known for long series only.
     #[error("{values} values are too few to test for independence; at least {SHORTEST_SERIES} are needed")]
     TooFew {
-        /// In the series.
+        /// Number of values in the series.
         values: usize,
     },
-    /// There is no such distance between values.
+    /// The number of lags is zero, or too large for the series.
     #[error("{lags} lags cannot be tested in {values} values; choose at least one and fewer than there are values")]
     Lags {
-        /// As asked for.
+        /// Requested number of lags.
         lags: usize,
-        /// In the series.
+        /// Number of values in the series.
         values: usize,
     },
-    /// Nothing varies, so nothing can be correlated.
+    /// All values are equal, so that no correlation is defined.
     #[error("all values of the series are the same")]
     Constant,
-    /// A value, or the sum of their squares, is not a number that a computer can hold.
+    /// A value, or the sum of their squares, is not finite.
     #[error("the series is not finite")]
     NotFinite,
 }
 
-/// Q = n (n + 2) Σ ρₖ² / (n − k) over k = 1…lags, ρₖ the autocorrelations: χ² distributed with as many degrees of
-/// freedom if the series is independent (Ljung and Box, Biometrika 65, 1978).
+/// Tests independence by Q = n (n + 2) Σ ρₖ² / (n − k) over k = 1…lags, ρₖ the autocorrelations: χ² distributed with as
+/// many degrees of freedom if the series is independent (Ljung and Box, Biometrika 65, 1978).
 ///
 /// # Errors
-/// Where that distribution is not known or Q is not defined.
+/// If that distribution is not known or Q is not defined.
 ///
 /// ```
 /// use stickslip::verify::certificate::bounds::{Untested, ljung_box};

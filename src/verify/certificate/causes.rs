@@ -1,11 +1,11 @@
-//! What a missed deadline was due to, as far as the thread's clocks and counters tell.
+//! Causes of missed deadlines, as far as the thread's clocks and counters show them.
 
 use serde::{Deserialize, Serialize};
 
-/// What a missed deadline was due to.
+/// Cause of a missed deadline.
 ///
 /// ```
-/// use stickslip::verify::certificate::causes::{Cause, Missed};
+/// use stickslip::verify::certificate::causes::{MissCause, Missed};
 ///
 /// // A deadline of 500 µs, usually kept with 50 µs of computing.
 /// let usual = Missed {
@@ -20,73 +20,73 @@ use serde::{Deserialize, Serialize};
 /// let slow = Missed { compute_ns: 900_000, cpu_ns: 900_000, response_ns: 900_000, ..usual };
 /// let interrupted =
 ///     Missed { compute_ns: 900_000, response_ns: 900_000, involuntary_switches: 1, ..usual };
-/// let causes = [woken_late, slow, interrupted].map(|miss| Cause::of(&miss));
-/// assert_eq!(causes, [Cause::Release, Cause::Compute, Cause::Preempted]);
-/// assert_eq!(Cause::of(&Missed { steal: true, ..woken_late }), Cause::StealSuspected);
+/// let causes = [woken_late, slow, interrupted].map(|miss| MissCause::of(&miss));
+/// assert_eq!(causes, [MissCause::Release, MissCause::Compute, MissCause::Preempted]);
+/// assert_eq!(MissCause::of(&Missed { steal: true, ..woken_late }), MissCause::StealSuspected);
 /// // The tick after a slow one begins late because of that one.
 /// let next = Missed { follows: true, ..woken_late };
-/// assert_eq!(Cause::of_all(&[slow, next]), [Cause::Compute; 2]);
-/// assert_eq!(Cause::Preempted.name(), "something else had the CPU");
+/// assert_eq!(MissCause::of_all(&[slow, next]), [MissCause::Compute; 2]);
+/// assert_eq!(MissCause::Preempted.name(), "something else had the CPU");
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Cause {
-    /// The tick itself computed too long.
+pub enum MissCause {
+    /// The tick's own computation was too long.
     Compute,
-    /// It was woken too late.
+    /// The thread was woken too late.
     Release,
-    /// Something else had the CPU.
+    /// Something else occupied the CPU.
     Preempted,
-    /// Memory was not there.
+    /// A page fault occurred.
     Fault,
-    /// What would be one of the others, but the hypervisor took time meanwhile, which looks the same.
+    /// The hypervisor took time meanwhile, which is indistinguishable from the other causes.
     StealSuspected,
-    /// Nothing measured explains it.
+    /// No measurement explains the miss.
     Unknown,
 }
 
-/// A missed deadline in numbers.
+/// Measurements of a missed deadline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Missed {
-    /// From the scheduled release, ns.
+    /// Deadline from the scheduled release, ns.
     pub deadline_ns: u64,
-    /// From the scheduled release to the tick's begin, ns.
+    /// Time from the scheduled release to the tick's begin, ns.
     pub release_ns: u64,
-    /// From the scheduled release to the command, ns.
+    /// Time from the scheduled release to the command, ns.
     pub response_ns: u64,
-    /// From begin to command by the wall clock, ns.
+    /// Wall time from begin to command, ns.
     pub compute_ns: u64,
-    /// CPU time of the same, ns.
+    /// CPU time from begin to command, ns.
     pub cpu_ns: u64,
-    /// Of the thread since the miss before.
+    /// Page faults of the thread since the previous miss.
     pub page_faults: u64,
-    /// Times the thread was taken off the CPU since the miss before.
+    /// Involuntary context switches of the thread since the previous miss.
     pub involuntary_switches: u64,
-    /// The tick before missed its deadline too.
+    /// Whether the previous tick missed its deadline too.
     pub follows: bool,
-    /// The hypervisor took time meanwhile ([`steal_grew`]).
+    /// Whether the hypervisor took time meanwhile ([`steal_grew`]).
     pub steal: bool,
-    /// Median of `compute_ns` over all ticks.
+    /// Median of `compute_ns` over all ticks, ns.
     pub typical_compute_ns: u64,
-    /// Median of `cpu_ns` over all ticks.
+    /// Median of `cpu_ns` over all ticks, ns.
     pub typical_cpu_ns: u64,
 }
 
-impl Cause {
-    /// For people.
+impl MissCause {
+    /// Returns the name as it is printed.
     pub fn name(self) -> &'static str {
         match self {
-            Cause::Compute => "the tick computed too long",
-            Cause::Release => "released too late",
-            Cause::Preempted => "something else had the CPU",
-            Cause::Fault => "a page fault",
-            Cause::StealSuspected => "the hypervisor, it seems",
-            Cause::Unknown => "unknown",
+            MissCause::Compute => "computation too long",
+            MissCause::Release => "late release",
+            MissCause::Preempted => "preempted",
+            MissCause::Fault => "page fault",
+            MissCause::StealSuspected => "hypervisor suspected",
+            MissCause::Unknown => "unknown",
         }
     }
 
-    /// Of each of a run's misses, in the order of time. One that follows another has the other's cause: it began late
-    /// because that one ended late.
+    /// Returns the causes of a run's misses, in chronological order. A miss that follows another has the other's cause:
+    /// it began late because that one ended late.
     pub fn of_all(misses: &[Missed]) -> Vec<Self> {
         let mut causes: Vec<Self> = Vec::with_capacity(misses.len());
         for miss in misses {
@@ -96,64 +96,64 @@ impl Cause {
         causes
     }
 
-    /// Of a miss by itself. CPU time beyond the deadline is enough to miss it. Otherwise the excess over the deadline
-    /// is put down to the largest of release latency, time off the CPU and CPU time beyond the usual (the first of
-    /// these if equal), if that is at least half of the excess. A tick that missed nothing is `Unknown`.
+    /// Returns the cause of a single miss. CPU time beyond the deadline is enough to miss it. Otherwise the cause is
+    /// the largest of release latency, time off the CPU and CPU time beyond the usual (the first of these if equal),
+    /// if that is at least half of the excess over the deadline. A tick that missed nothing is `Unknown`.
     pub fn of(miss: &Missed) -> Self {
         let excess_ns = miss.response_ns.saturating_sub(miss.deadline_ns);
         if excess_ns == 0 {
-            return Cause::Unknown;
+            return MissCause::Unknown;
         }
         if miss.cpu_ns > miss.deadline_ns && !miss.steal {
-            return Cause::Compute;
+            return MissCause::Compute;
         }
-        // The two clocks are not read at the same instant: the usual difference is none of time off the CPU.
+        // The two clocks are not read at the same instant: their usual difference is not time off the CPU.
         let usually_off_ns = miss.typical_compute_ns.saturating_sub(miss.typical_cpu_ns);
         let off_ns = miss.compute_ns.saturating_sub(miss.cpu_ns).saturating_sub(usually_off_ns);
         let busy_ns = miss.cpu_ns.saturating_sub(miss.typical_cpu_ns);
         let largest_ns = miss.release_ns.max(off_ns).max(busy_ns);
         if largest_ns < excess_ns.div_ceil(2) {
-            return Cause::Unknown;
+            return MissCause::Unknown;
         }
         if largest_ns == miss.release_ns {
-            miss.unless_stolen(Cause::Release)
+            miss.unless_stolen(MissCause::Release)
         } else if largest_ns == off_ns {
             miss.off_the_cpu()
         } else {
-            miss.unless_stolen(Cause::Compute)
+            miss.unless_stolen(MissCause::Compute)
         }
     }
 }
 
 impl Missed {
-    fn unless_stolen(&self, cause: Cause) -> Cause {
-        if self.steal { Cause::StealSuspected } else { cause }
+    fn unless_stolen(&self, cause: MissCause) -> MissCause {
+        if self.steal { MissCause::StealSuspected } else { cause }
     }
 
-    /// A thread that nothing took off the CPU was not preempted, wherever its time went.
-    fn off_the_cpu(&self) -> Cause {
+    /// Returns the cause of time off the CPU: `Preempted` only for a thread that was taken off it.
+    fn off_the_cpu(&self) -> MissCause {
         if self.page_faults > 0 {
-            Cause::Fault
+            MissCause::Fault
         } else if self.involuntary_switches > 0 {
-            self.unless_stolen(Cause::Preempted)
+            self.unless_stolen(MissCause::Preempted)
         } else {
-            self.unless_stolen(Cause::Unknown)
+            self.unless_stolen(MissCause::Unknown)
         }
     }
 }
 
-/// How much time the hypervisor had taken by an instant.
+/// Time that the hypervisor had taken up to an instant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StealSample {
-    /// The instant, ns.
+    /// Instant, ns.
     pub at_ns: u64,
-    /// Clock ticks that were stolen so far, as `/proc/stat` counts them.
+    /// Stolen time so far, in clock ticks, as counted by `/proc/stat`.
     pub stolen_ticks: u64,
 }
 
-/// Whether the count grew around `[from_ns, to_ns]`: between the last sample not after it begins and the first not
-/// before it ends, or the outermost there are. Samples are in the order of time; without two around it, nothing was
-/// seen.
+/// Returns whether the count grew around `[from_ns, to_ns]`: between the last sample not after its begin and the first
+/// not before its end, or the outermost samples. Samples are in chronological order; without two around the interval,
+/// no growth was seen.
 ///
 /// ```
 /// use stickslip::verify::certificate::causes::{StealSample, steal_grew};

@@ -1,5 +1,5 @@
-//! The statistics of a real-time certificate: what a run's misses and responses say of the ticks that were not
-//! measured, and what each miss was due to. Pure functions of plain numbers.
+//! Statistics of a real-time certificate: bounds for ticks that were not measured, from a run's misses and responses,
+//! and the cause of each miss. All are pure functions of plain numbers.
 
 pub mod bounds;
 pub mod causes;

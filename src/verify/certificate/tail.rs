@@ -1,5 +1,5 @@
-//! How long the longest response in many more ticks than were measured would be, by extreme-value theory: only
-//! where what that theory takes for granted has been tested and not rejected.
+//! Extrapolation of the longest response to many more ticks than were measured, by extreme-value theory: only
+//! where the assumptions of that theory were tested and not rejected.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -11,23 +11,23 @@ use statrs::stats_tests::ks_test::{KSTwoSampleAlternativeMethod, ks_twosample};
 
 use super::bounds::ljung_box;
 
-/// Fewer blocks do not determine a shape.
+/// Least number of blocks that determines a shape.
 pub const FEWEST_BLOCKS: usize = 100;
-/// The maximum of fewer ticks is not yet an extreme value.
+/// Least number of ticks whose maximum counts as an extreme value.
 pub const FEWEST_BLOCK_TICKS: u64 = 50;
-/// A test is passed if its p-value is above this. Data that are all that is assumed fail each test this often.
+/// Level of the tests: one is passed if its p-value is above this. Data that meet all assumptions fail each this often.
 pub const LEVEL: f64 = 0.05;
-/// What levels are stated for: one exceedance in so many ticks.
+/// Horizons for which levels are given: one exceedance in this many ticks.
 pub const HORIZONS_TICKS: [u64; 2] = [10_000_000, 1_000_000_000];
-/// Beyond, the estimates of the parameters have no finite variance, or the formula for the shape does not hold.
+/// Admissible shapes. Beyond, parameter estimates have no finite variance, or the formula for the shape does not hold.
 const SHAPES: std::ops::RangeInclusive<f64> = -0.5..=0.5;
-/// For the independence of blocks: memory that outlasts ten of them shows in shorter lags too.
+/// Lags of the test of independence: memory that outlasts ten blocks also shows in shorter lags.
 const LAGS: usize = 10;
 const RESAMPLES: usize = 200;
 const SEED: u64 = 1985;
 
-/// The generalised extreme-value distribution F(x) = exp(−(1 + ξ z)^(−1/ξ)), z = (x − location) / scale: what maxima of
-/// many independent values tend to (Fisher and Tippett, 1928). ξ > 0 is a heavy tail; ξ < 0 has an end.
+/// Generalised extreme-value distribution F(x) = exp(−(1 + ξ z)^(−1/ξ)), z = (x − location) / scale: the limit for
+/// maxima of many independent values (Fisher and Tippett, 1928). ξ > 0 has a heavy tail; ξ < 0 has an upper end.
 ///
 /// ```
 /// use stickslip::verify::certificate::tail::Gev;
@@ -35,7 +35,7 @@ const SEED: u64 = 1985;
 /// let law = Gev { location: 100.0, scale: 10.0, shape: 0.1 };
 /// assert!((law.cdf(law.quantile(0.01)) - (-0.01_f64).exp()).abs() < 1e-12);
 /// assert!((law.cdf(100.0) - (-1.0_f64).exp()).abs() < 1e-15); // at its location F is 1/e
-/// // Of a sample that is spread as the law says, the law is found again.
+/// // A sample that is spread as the law says gives the law back.
 /// let sample: Vec<f64> = (1..=1000).map(|i| law.quantile(-((f64::from(i) - 0.35) / 1000.0).ln())).collect();
 /// let fitted = Gev::fit(&sample).expect("there is a spread");
 /// assert!((fitted.location - 100.0).abs() < 0.2 && (fitted.scale - 10.0).abs() < 0.2);
@@ -44,19 +44,19 @@ const SEED: u64 = 1985;
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gev {
-    /// As the values.
+    /// Location, in the unit of the values.
     pub location: f64,
-    /// As the values; positive.
+    /// Scale, in the unit of the values; positive.
     pub scale: f64,
-    /// ξ.
+    /// Shape ξ.
     pub shape: f64,
 }
 
 impl Gev {
-    /// By L-moments, with their unbiased estimates bᵣ and k = −ξ ≈ 7.8590 c + 2.9554 c²,
+    /// Fits the distribution by L-moments, with their unbiased estimates bᵣ and k = −ξ ≈ 7.8590 c + 2.9554 c²,
     /// c = (2b₁ − b₀) / (3b₂ − b₀) − ln 2 / ln 3 (Hosking, Wallis and Wood, Technometrics 27, 1985),
-    /// which is within 9·10⁻⁴ of the solution for |k| < 0.5. None where fewer than three values or no spread
-    /// determine nothing.
+    /// which is within 9·10⁻⁴ of the solution for |k| < 0.5. None for fewer than three values or values without
+    /// spread.
     pub fn fit(sample: &[f64]) -> Option<Self> {
         if sample.len() < 3 {
             return None;
@@ -74,7 +74,7 @@ impl Gev {
         let l2 = 2.0 * b1 - b0;
         let c = l2 / (3.0 * b2 - b0) - 2_f64.ln() / 3_f64.ln();
         let k = 7.8590 * c + 2.9554 * c * c;
-        // Below, 1 − Γ(1 + k) loses more digits than its limit −k γ is wrong by.
+        // For smaller |k|, 1 − Γ(1 + k) loses more digits than the error of its limit −k γ.
         let (scale, shift) = if k.abs() < 1e-7 {
             (l2 / 2_f64.ln(), EULER_MASCHERONI)
         } else {
@@ -86,10 +86,10 @@ impl Gev {
         (finite && fitted.scale > 0.0).then_some(fitted)
     }
 
-    /// F(x).
+    /// Returns the probability F(x).
     pub fn cdf(&self, x: f64) -> f64 {
         let z = (x - self.location) / self.scale;
-        // Beyond the end of the support.
+        // x is beyond the end of the support.
         if 1.0 + self.shape * z <= 0.0 {
             return if self.shape > 0.0 { 0.0 } else { 1.0 };
         }
@@ -97,14 +97,14 @@ impl Gev {
         (-(-y).exp()).exp()
     }
 
-    /// x with −ln F(x) = `exponent` > 0.
+    /// Returns the x with −ln F(x) = `exponent` > 0.
     pub fn quantile(&self, exponent: f64) -> f64 {
         let y = -exponent.ln();
         let z = if self.shape == 0.0 { y } else { (self.shape * y).exp_m1() / self.shape };
         self.location + self.scale * z
     }
 
-    /// Kolmogorov's distance between F and the sample's distribution.
+    /// Returns Kolmogorov's distance between F and the sample's distribution.
     fn distance(&self, sample: &[f64]) -> f64 {
         let mut sorted = sample.to_vec();
         sorted.sort_by(f64::total_cmp);
@@ -117,14 +117,14 @@ impl Gev {
     }
 }
 
-/// What came out of a test of an assumption.
+/// Result of a test of an assumption.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Tested {
-    /// Its statistic.
+    /// Statistic of the test.
     pub statistic: f64,
-    /// Probability of one at least as large if the assumption holds.
+    /// Probability of a statistic at least as large if the assumption holds.
     pub p_value: f64,
-    /// `p_value` is above [`LEVEL`].
+    /// Whether `p_value` is above [`LEVEL`].
     pub passed: bool,
 }
 
@@ -134,77 +134,77 @@ impl Tested {
     }
 }
 
-/// What the extrapolation rests on.
+/// Tests of the assumptions of the extrapolation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Tests {
-    /// Maxima that were given.
+    /// Number of block maxima.
     pub blocks: usize,
-    /// Ticks that each is the maximum of.
+    /// Number of ticks in a block.
     pub block_ticks: u64,
-    /// That no maximum depends on those before: Ljung and Box. None where it could not be done, as below.
+    /// Test that no maximum depends on earlier ones, by Ljung and Box. None where it could not be done, also below.
     pub independence: Option<Tested>,
-    /// That the first half is distributed as the second: Kolmogorov and Smirnov. A drift there and back escapes it.
+    /// Test that both halves are equally distributed, by Kolmogorov and Smirnov. A drift there and back escapes it.
     pub stationarity: Option<Tested>,
-    /// That the fitted distribution fits: Kolmogorov's distance, against those of samples drawn from it and fitted
-    /// anew.
+    /// Test of the fitted distribution: Kolmogorov's distance, compared with those of samples drawn from it and fitted
+    /// in turn.
     pub fit: Option<Tested>,
 }
 
-/// A response time, and how often it is exceeded.
+/// Response time with its expected rate of exceedance.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Level {
-    /// One exceedance is expected in so many ticks.
+    /// Number of ticks in which one exceedance is expected.
     pub ticks: u64,
-    /// Ns.
+    /// Response time, ns.
     pub response_ns: f64,
-    /// 95 of 100 samples drawn from the fitted distribution and fitted anew put it no higher, ns.
+    /// Upper limit of the response time, ns: 95 of 100 samples from the fitted distribution, refitted, are not above.
     pub response_ns_p95: f64,
 }
 
-/// What block maxima say of longer runs.
+/// Extrapolation from block maxima to longer runs.
 ///
 /// ```
 /// use stickslip::verify::certificate::tail::Tail;
 ///
-/// // A response that grows from block to block says nothing of longer runs.
+/// // A response that grows from block to block cannot be extrapolated.
 /// let drifting: Vec<u64> = (0..200).map(|block| 100_000 + 1_000 * block).collect();
 /// let Tail::Refused { reasons, tests } = Tail::of_block_maxima(&drifting, 1000) else { panic!("not refused") };
 /// assert!(tests.independence.is_some_and(|test| !test.passed));
 /// assert!(tests.stationarity.is_some_and(|test| !test.passed));
 /// assert!(reasons.len() >= 2);
-/// // Nor do a few blocks.
+/// // Nor can a few blocks.
 /// assert!(matches!(Tail::of_block_maxima(&[1, 2, 3], 1000), Tail::Refused { .. }));
 /// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "outcome", rename_all = "kebab-case")]
 pub enum Tail {
-    /// No assumption was rejected.
+    /// No assumption was rejected, and levels are given.
     Extrapolated {
-        /// Of [`Gev`], ns.
+        /// Location of the [`Gev`], ns.
         location_ns: f64,
-        /// Of [`Gev`], ns.
+        /// Scale of the [`Gev`], ns.
         scale_ns: f64,
-        /// Of [`Gev`].
+        /// Shape of the [`Gev`].
         shape: f64,
-        /// All passed.
+        /// Tests of the assumptions, all passed.
         tests: Tests,
-        /// For [`HORIZONS_TICKS`].
+        /// Levels for [`HORIZONS_TICKS`].
         levels: Vec<Level>,
     },
-    /// An assumption was rejected or could not be tested: nothing is said of longer runs.
+    /// An assumption was rejected or could not be tested, and no levels are given.
     Refused {
-        /// All there are.
+        /// All reasons.
         reasons: Vec<String>,
-        /// As far as they could be done.
+        /// Tests of the assumptions, as far as they could be done.
         tests: Tests,
     },
 }
 
 impl Tail {
-    /// From the longest response of each block, ns, in the order of time; all blocks have this many ticks (leave out
-    /// a last one that was cut short). In T ticks one exceedance is expected of the level with
-    /// −ln F = −m ln(1 − 1/T), m ticks being a block: for independent ticks within blocks; responses that come
-    /// in clusters exceed it in fewer places.
+    /// Extrapolates from the longest response of each block, ns, in chronological order; all blocks have this many
+    /// ticks (omit a last one that was cut short). In T ticks one exceedance is expected of the level with
+    /// −ln F = −m ln(1 − 1/T), m ticks being a block, if ticks within blocks are independent; responses in clusters
+    /// exceed the level at fewer places.
     pub fn of_block_maxima(maxima_ns: &[u64], block_ticks: u64) -> Self {
         let mut tests =
             Tests { blocks: maxima_ns.len(), block_ticks, independence: None, stationarity: None, fit: None };
@@ -240,7 +240,7 @@ impl Tail {
         }
 
         for (test, rejected) in [
-            (tests.independence, "the maxima depend on those before"),
+            (tests.independence, "the maxima depend on earlier ones"),
             (tests.stationarity, "the second half of the run differs from the first"),
             (tests.fit, "the extreme-value distribution does not fit"),
         ] {
@@ -259,13 +259,13 @@ impl Tail {
     }
 }
 
-/// The two-sample test. Halves of the same length, so that equal steps of the two distributions cancel exactly.
+/// Compares both halves by the two-sample test. They have equal length, so that equal steps cancel exactly.
 fn halves(maxima: &[f64]) -> Option<Tested> {
     let half = maxima.len() / 2;
     let (mut first, mut second) = (maxima[..half].to_vec(), maxima[maxima.len() - half..].to_vec());
     first.sort_by(f64::total_cmp);
     second.sort_by(f64::total_cmp);
-    // The series for the p-value in statrs 0.19 does not come to an end at distance 0.
+    // The series for the p-value in statrs 0.19 does not terminate at distance 0.
     if first == second {
         return Some(Tested::new(0.0, 1.0));
     }
@@ -274,12 +274,12 @@ fn halves(maxima: &[f64]) -> Option<Tested> {
     Some(Tested::new(statistic, p_value))
 }
 
-/// Samples drawn from a distribution, as they are fitted, and how far each is from its fit. One that cannot be
-/// fitted is left out, as if it were closer than any.
+/// Draws samples from a distribution, and returns each one's fit and its distance from it. A sample that cannot be
+/// fitted is omitted, as if it were closer than any.
 fn bootstrap(from: Gev, values: usize) -> Vec<(Gev, f64)> {
     let mut random = ChaCha8Rng::seed_from_u64(SEED);
     let mut draw = || {
-        // Between 0 and 1, both excluded.
+        // Uniform between 0 and 1, both excluded.
         let uniform = ((random.next_u64() >> 12) as f64 + 0.5) / (1_u64 << 52) as f64;
         from.quantile(-uniform.ln())
     };

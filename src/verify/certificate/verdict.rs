@@ -1,4 +1,4 @@
-//! What a measured loop proves: two verdicts, and everything they rest on.
+//! Certificate of a measured loop: two verdicts and the evidence for them.
 
 use std::collections::BTreeMap;
 
@@ -9,21 +9,21 @@ use crate::realtime::machine::Machine;
 use crate::realtime::meter::{Meter, Miss, TickTimes};
 use crate::realtime::record::Quantiles;
 use crate::realtime::threads::{Obtained, Served, Window};
-use crate::session::Why;
+use crate::session::ReplayReason;
 use crate::verify::certificate::bounds::{Independence, RateBound, Trials, Untested, ljung_box};
-use crate::verify::certificate::causes::{Cause, Missed, StealSample, steal_grew};
+use crate::verify::certificate::causes::{MissCause, Missed, StealSample, steal_grew};
 use crate::verify::certificate::tail::Tail;
 use crate::verify::lateness::Consequences;
 
-/// Fewer ticks prove nothing.
+/// Least number of ticks for a verdict.
 const LEAST_TICKS: u64 = 1000;
 /// Lags of the test of independence.
 const LAGS: usize = 10;
-/// Around a miss, in which growth of the stolen time counts for it: what the kernel accounts in, and what lies
-/// between two looks at it, ns.
+/// Margin around a miss, in which growth of the stolen time counts for it, ns: it covers the interval of the kernel's
+/// accounting and that between two samples of it.
 const STEAL_MARGIN_NS: u64 = 50_000_000;
 
-/// What can be said.
+/// Verdict on a loop.
 ///
 /// ```
 /// use stickslip::verify::certificate::verdict::Verdict;
@@ -35,16 +35,16 @@ const STEAL_MARGIN_NS: u64 = 50_000_000;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "UPPERCASE")]
 pub enum Verdict {
-    /// It keeps its deadlines, as far as was measured.
+    /// The loop keeps its deadlines, as far as was measured.
     Pass,
-    /// It does not.
+    /// The loop does not keep its deadlines.
     Fail,
-    /// What was measured does not decide it.
+    /// The measurements do not decide.
     Inconclusive,
 }
 
 impl Verdict {
-    /// For people.
+    /// Returns the name as it is printed.
     pub fn name(self) -> &'static str {
         match self {
             Verdict::Pass => "PASS",
@@ -54,105 +54,105 @@ impl Verdict {
     }
 }
 
-/// A tick that took longest, as it went and done again.
+/// One of the longest ticks, as recorded and repeated.
 #[derive(Debug, Clone, Serialize)]
 pub struct WorstTick {
-    /// The run of the path that it belongs to.
+    /// Run of the path to which the tick belongs.
     pub pass: u32,
-    /// Counted from 0 in its pass.
+    /// Number of the tick in its pass, counted from 0.
     pub tick: u64,
-    /// Why it is here.
-    pub why: Why,
-    /// As it went; absent for a tick that is here for its kind.
+    /// Reason for which the tick was repeated.
+    pub why: ReplayReason,
+    /// Recorded times; absent for a tick that was chosen for its kind.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     pub times: Option<TickTimes>,
-    /// Done again with warm caches: median and longest, ns.
+    /// Times when repeated with warm caches: median and longest, ns.
     pub warm_ns: [u64; 2],
-    /// With cold caches.
+    /// Times when repeated with cold caches: median and longest, ns.
     pub cold_ns: [u64; 2],
 }
 
-/// The program's own part.
+/// Part of a certificate on the program itself.
 #[derive(Debug, Clone, Serialize)]
 pub struct ComputePart {
-    /// Whether its own time keeps the deadline.
+    /// Whether the program's own time keeps the deadline.
     pub verdict: Verdict,
-    /// Why.
+    /// Reasons for the verdict.
     pub reasons: Vec<String>,
-    /// From begin to command, on the wall clock.
+    /// Wall time from begin to command, ns.
     pub compute_ns: Quantiles,
-    /// CPU time of the same, with the 0.2 µs or so that reading that clock takes.
+    /// CPU time from begin to command, ns, including about 0.2 µs for reading that clock.
     pub cpu_ns: Quantiles,
 }
 
-/// The loop that does nothing, released half a tick after each tick: what the machine does without the program.
+/// Control loop without a payload, released half a tick after each tick: it shows the machine without the program.
 #[derive(Debug, Clone, Serialize)]
 pub struct ControlPart {
-    /// From release to begin.
+    /// Time from release to begin, ns.
     pub release_ns: Quantiles,
-    /// From release until nothing has been done.
+    /// Time from release to the end of the empty computation, ns.
     pub response_ns: Quantiles,
-    /// Deadlines that it missed.
+    /// Deadlines missed by the control loop.
     pub misses: u64,
-    /// Releases that had passed before the tick was done.
+    /// Releases that were omitted, because they had passed before the tick ended.
     pub left_out: u64,
 }
 
-/// The machine's part.
+/// Part of a certificate on the program on this machine.
 #[derive(Debug, Clone, Serialize)]
 pub struct PlatformPart {
     /// Whether commands came by their deadline.
     pub verdict: Verdict,
-    /// Why.
+    /// Reasons for the verdict.
     pub reasons: Vec<String>,
-    /// Ticks whose command came too late, exactly.
+    /// Exact number of ticks whose command came too late.
     pub misses: u64,
-    /// Ticks that were left out.
+    /// Number of skipped ticks.
     pub skipped: u64,
-    /// Missed or left out, one after the other.
+    /// Largest number of consecutive late or skipped ticks.
     pub longest_miss_run: u64,
-    /// From the scheduled release to the command.
+    /// Time from the scheduled release to the command, ns.
     pub response_ns: Quantiles,
-    /// From the scheduled release to the tick's begin.
+    /// Time from the scheduled release to the tick's begin, ns.
     pub release_ns: Quantiles,
-    /// Misses by what they come from.
-    pub causes: BTreeMap<Cause, u64>,
-    /// Misses beyond those that are kept one by one, which have no cause.
+    /// Number of misses by cause.
+    pub causes: BTreeMap<MissCause, u64>,
+    /// Number of misses without a cause: those beyond the recorded ones.
     pub misses_without_cause: u64,
-    /// Beside it.
+    /// Control loop without a payload.
     pub control: ControlPart,
 }
 
-/// A deadline that was missed.
+/// Deadline miss.
 #[derive(Debug, Clone, Serialize)]
 pub struct MissEntry {
-    /// What it took.
+    /// Times of the tick.
     #[serde(flatten)]
     pub times: TickTimes,
-    /// Its release, s from the begin of the window.
+    /// Release of the tick, s from the begin of the window.
     pub at_s: f64,
-    /// What it comes from.
-    pub cause: Cause,
+    /// Cause of the miss.
+    pub cause: MissCause,
 }
 
-/// What the misses, or their absence, say about the rate of misses.
+/// Bounds of the rate of deadline misses.
 #[derive(Debug, Clone, Serialize)]
 pub struct MissRate {
-    /// If ticks are independent of each other.
+    /// Bound for ticks, valid if ticks are independent of each other.
     pub ticks: Option<RateBound>,
-    /// Of blocks of ticks with a miss, if blocks are: misses come in clusters.
+    /// Bound for blocks of ticks with a miss, valid if blocks are independent: misses come in clusters.
     pub blocks: Option<RateBound>,
-    /// Ticks of a block.
+    /// Number of ticks in a block.
     pub block_ticks: u64,
-    /// Whether the longest responses of blocks are, by their autocorrelation.
+    /// Test of independence of the blocks' longest responses, by their autocorrelation.
     pub independence: Option<Independence>,
-    /// Why that could not be tested.
+    /// Reason for which independence could not be tested.
     pub untested: Option<String>,
 }
 
-/// `certificate.json`.
+/// Certificate of a loop's deadlines, the content of `certificate.json`.
 ///
-/// A judgement of ten ticks, one of which was woken too late:
+/// This certificate covers ten ticks, one of which was woken too late:
 ///
 /// ```
 /// use stickslip::verify::certificate::verdict::{Certificate, Circumstances, Verdict};
@@ -161,7 +161,7 @@ pub struct MissRate {
 /// # use stickslip::realtime::machine::Machine;
 /// # use stickslip::multirate::timeline::OverrunPolicy;
 /// # use stickslip::verify::lateness::{Consequence, Consequences};
-/// use stickslip::verify::certificate::causes::Cause;
+/// use stickslip::verify::certificate::causes::MissCause;
 ///
 /// let mut meter = Meter::new(10, 500_000);
 /// let usual = TickTimes { response_ns: 60_000, compute_ns: 50_000, cpu_ns: 50_000, ..TickTimes::default() };
@@ -185,85 +185,85 @@ pub struct MissRate {
 /// #     machine: Machine::describe(0), replayed: true, worst: vec![], consequences,
 /// # };
 /// let certificate = Certificate::new(&served, circumstances);
-/// // The program was never slow, but that is not known of ten ticks. The deadline was missed all the same.
+/// // The program was never slow, but ten ticks are too few to prove it. The deadline was missed all the same.
 /// assert_eq!(certificate.compute.verdict, Verdict::Inconclusive);
 /// assert_eq!(certificate.platform.verdict, Verdict::Fail);
-/// assert_eq!(certificate.platform.causes[&Cause::Release], 1);
+/// assert_eq!(certificate.platform.causes[&MissCause::Release], 1);
 /// assert_eq!(certificate.verdict(), Verdict::Fail);
 /// ```
 #[derive(Debug, Clone, Serialize)]
 pub struct Certificate {
-    /// Of the program.
+    /// Version of the program.
     pub version: &'static str,
-    /// Its name.
+    /// Name of the scene.
     pub scene: String,
-    /// Done in the window.
+    /// Number of ticks in the window.
     pub ticks: u64,
-    /// Of the window, s.
+    /// Duration of the window, s.
     pub duration_s: f64,
-    /// Of the local loop.
+    /// Rate of the local loop, Hz.
     pub rate_hz: f64,
-    /// From a tick's release.
+    /// Deadline from a tick's release, µs.
     pub deadline_us: f64,
-    /// What a missed one did.
+    /// Policy for missed deadlines.
     pub overrun: OverrunPolicy,
-    /// What else the machine did.
+    /// Description of the other load on the machine.
     pub load: String,
-    /// Whether it was ended before its time.
+    /// Whether the run was stopped early.
     pub stopped: bool,
-    /// The fault that ended it, if one did.
+    /// Fault that ended the run, if one did.
     pub fault: Option<String>,
-    /// The servo thread's own counters.
+    /// Counters of the servo thread.
     pub window: Window,
-    /// The program's own part.
+    /// Verdict on the program itself.
     pub compute: ComputePart,
-    /// The machine's part.
+    /// Verdict on the program on this machine.
     pub platform: PlatformPart,
-    /// What follows for the rate of misses.
+    /// Bounds of the rate of deadline misses.
     pub miss_rate: MissRate,
-    /// How long the longest response may become in a longer run.
+    /// Extrapolation of the longest response to longer runs.
     pub extrapolation: Tail,
-    /// What missed deadlines would do to this scene, in virtual time.
+    /// Effect of missed deadlines on this scene, in virtual time.
     pub consequences: Consequences,
-    /// What the servo thread had.
+    /// Scheduling settings actually granted.
     pub settings: Obtained,
-    /// Where it ran.
+    /// Description of the machine.
     pub machine: Machine,
-    /// Time that the hypervisor took within the window, in ticks of the kernel's accounting; absent if it does not say.
+    /// Time taken by the hypervisor within the window, in ticks of the kernel's accounting; absent if not reported.
     pub stolen: Option<u64>,
-    /// Whether every recorded pass that was done again commanded the same forces to the bit.
+    /// Whether every repeated pass commanded the same forces to the bit.
     pub replayed: bool,
-    /// Ticks that took longest, done again.
+    /// Longest ticks, repeated.
     pub worst: Vec<WorstTick>,
-    /// The first misses.
+    /// First misses of the window.
     pub misses: Vec<MissEntry>,
 }
 
-/// What surrounds a measured loop.
+/// Circumstances of a measured loop.
 #[derive(Debug)]
 pub struct Circumstances {
-    /// Its scene.
+    /// Name of the scene.
     pub scene: String,
-    /// Hz.
+    /// Rate of the local loop, Hz.
     pub rate_hz: f64,
-    /// Planned.
+    /// Policy for missed deadlines.
     pub overrun: OverrunPolicy,
-    /// In words.
+    /// Description of the other load on the machine.
     pub load: String,
-    /// What the hypervisor had taken, on `CLOCK_MONOTONIC`, ascending.
+    /// Samples of the time taken by the hypervisor, on `CLOCK_MONOTONIC`, ascending.
     pub steal: Vec<StealSample>,
-    /// The machine.
+    /// Description of the machine.
     pub machine: Machine,
-    /// Whether recorded passes came out the same.
+    /// Whether every repeated pass commanded the same forces to the bit.
     pub replayed: bool,
-    /// Ticks that were done again.
+    /// Longest ticks, repeated.
     pub worst: Vec<WorstTick>,
-    /// What missed deadlines would do.
+    /// Effect of missed deadlines on this scene, in virtual time.
     pub consequences: Consequences,
 }
 
 impl Certificate {
-    /// Judges a loop.
+    /// Judges a measured loop.
     pub fn new(served: &Served, around: Circumstances) -> Self {
         let Served { meter, window, obtained, stopped, fault, .. } = served;
         let fault = fault.map(|fault| fault.to_string());
@@ -310,7 +310,7 @@ impl Certificate {
         }
     }
 
-    /// What a program that asks for it should be told.
+    /// Returns the verdict on the whole: the worse of the two.
     pub fn verdict(&self) -> Verdict {
         match (self.compute.verdict, self.platform.verdict) {
             (Verdict::Fail, _) | (_, Verdict::Fail) => Verdict::Fail,
@@ -320,7 +320,7 @@ impl Certificate {
     }
 }
 
-/// Judges the program: what it takes itself, and that it takes nothing it should not.
+/// Judges the program: its own time, and that it allocates nothing and repeats.
 fn compute_part(
     meter: &Meter,
     window: &Window,
@@ -335,45 +335,45 @@ fn compute_part(
         failed.push(format!("the run ended in a fault: {fault}"));
     }
     match window.allocations {
-        Some(0) => passed.push("no call of the allocator in the window".to_owned()),
-        Some(calls) => failed.push(format!("{calls} calls of the allocator in the window")),
-        None => open.push("nobody counted calls of the allocator".to_owned()),
+        Some(0) => passed.push("no allocator calls in the window".to_owned()),
+        Some(calls) => failed.push(format!("{calls} allocator calls in the window; 0 are allowed")),
+        None => open.push("allocator calls were not counted".to_owned()),
     }
     match (replayed, window.lost_notes) {
-        (true, _) => passed.push("recorded passes, done again, command the same forces to the bit".to_owned()),
-        (false, 0) => failed.push("a recorded pass, done again, commands other forces".to_owned()),
-        // Models may have come from a path with gaps, and come from the whole one when it is done again. Which pass lost
-        // them is not known.
+        (true, _) => passed.push("repeated passes command the same forces to the bit".to_owned()),
+        (false, 0) => failed.push("a repeated pass commands different forces".to_owned()),
+        // Models may have been built from a path with gaps, while the repetition builds them from the whole path. Which
+        // pass lost the notes is not known.
         (false, lost) => open.push(format!(
-            "a recorded pass, done again, commands other forces, which may come of {lost} notes lost to a full ring: \
+            "a repeated pass commands different forces, possibly because of {lost} notes lost to a full ring: \
              the global side was late by cycles and built models from a path with gaps"
         )),
     }
-    // What is slow by itself is slow again.
+    // A tick that is slow by itself is slow again when it is repeated.
     let slow = worst.iter().filter(|tick| tick.warm_ns[0].max(tick.cold_ns[0]) > deadline_ns);
     for tick in slow {
         let took = us(tick.warm_ns[0].max(tick.cold_ns[0]));
-        failed.push(format!("tick {} of pass {} takes {took:.1} µs each time it is done again", tick.tick, tick.pass));
+        failed.push(format!("tick {} of pass {} takes {took:.1} µs whenever it is repeated", tick.tick, tick.pass));
     }
     let longest = meter.cpu.max_ns();
     if longest <= deadline_ns {
         passed.push(format!("no tick took more than {:.1} µs of CPU time", us(longest)));
     } else if failed.is_empty() {
         open.push(format!(
-            "a tick took {:.1} µs of CPU time, which includes what a hypervisor or interrupts took; done again, the \
+            "a tick took {:.1} µs of CPU time, which includes time taken by a hypervisor or interrupts; repeated, the \
              worst ticks keep the deadline",
             us(longest)
         ));
     }
     if meter.ticks() < LEAST_TICKS {
-        open.push(format!("{} ticks are fewer than {LEAST_TICKS}", meter.ticks()));
+        open.push(format!("{} ticks are too few; at least {LEAST_TICKS} are needed", meter.ticks()));
     }
     let (verdict, reasons) = judge(failed, open, passed);
     ComputePart { verdict, reasons, compute_ns: Quantiles::of(&meter.compute), cpu_ns: Quantiles::of(&meter.cpu) }
 }
 
-/// Judges what came of it on this machine: deadlines are about responses.
-fn platform_part(meter: &Meter, obtained: &Obtained, causes: BTreeMap<Cause, u64>, explained: u64) -> PlatformPart {
+/// Judges the result on this machine: deadlines apply to responses.
+fn platform_part(meter: &Meter, obtained: &Obtained, causes: BTreeMap<MissCause, u64>, explained: u64) -> PlatformPart {
     let (mut failed, mut open, mut passed) = (Vec::new(), Vec::new(), Vec::new());
     let (control_misses, left_out) = meter.control_missed();
     match meter.missed() {
@@ -381,21 +381,27 @@ fn platform_part(meter: &Meter, obtained: &Obtained, causes: BTreeMap<Cause, u64
         misses => failed.push(format!("{misses} of {} ticks missed their deadline", meter.ticks())),
     }
     if meter.skipped() > 0 {
-        failed.push(format!("{} ticks were left out", meter.skipped()));
+        failed.push(format!("{} ticks were skipped", meter.skipped()));
     }
     if !failed.is_empty() && control_misses > 0 {
-        failed.push(format!("so did {control_misses} of {} empty ones", meter.control_response.count()));
+        failed.push(format!(
+            "the control loop without a payload missed {control_misses} of {} deadlines: the machine alone causes misses",
+            meter.control_response.count()
+        ));
     }
     if obtained.is_realtime() {
         passed.push(format!("{} at priority {}", obtained.policy, obtained.priority));
     } else {
-        open.push(format!("without the right to SCHED_FIFO ({}) nothing else can be proven", obtained.policy));
+        open.push(format!(
+            "SCHED_FIFO was not granted ({}): nothing else can be proven; allow real-time scheduling",
+            obtained.policy
+        ));
     }
     if !obtained.memory_locked {
-        open.push("memory was not locked: any tick may meet a page fault".to_owned());
+        open.push("memory was not locked: any tick may incur a page fault; allow locked memory".to_owned());
     }
     if meter.ticks() < LEAST_TICKS {
-        open.push(format!("{} ticks are fewer than {LEAST_TICKS}", meter.ticks()));
+        open.push(format!("{} ticks are too few; at least {LEAST_TICKS} are needed", meter.ticks()));
     }
     let (verdict, reasons) = judge(failed, open, passed);
     PlatformPart {
@@ -427,9 +433,9 @@ fn judge(failed: Vec<String>, open: Vec<String>, passed: Vec<String>) -> (Verdic
     }
 }
 
-/// What every miss comes from. The clock of a thread's CPU time runs on while interrupts and a hypervisor have the
-/// CPU. A tick does the same again, though: what it took beyond the longest of all ticks that were done again with
-/// cold caches was somebody else's.
+/// Finds the cause of every miss. The clock of a thread's CPU time runs on while interrupts and a hypervisor have the
+/// CPU. A repeated tick does identical work, though: time beyond the longest repetition with cold caches was taken by
+/// something else.
 fn explain(meter: &Meter, window: &Window, steal: &[StealSample], worst: &[WorstTick]) -> Vec<MissEntry> {
     let longest_again = worst.iter().map(|tick| tick.cold_ns[1].max(tick.warm_ns[1])).max().unwrap_or(u64::MAX);
     let missed = |miss: &Miss| {
@@ -451,7 +457,8 @@ fn explain(meter: &Meter, window: &Window, steal: &[StealSample], worst: &[Worst
         }
     };
     let misses: Vec<Missed> = meter.misses().iter().map(missed).collect();
-    let causes = Cause::of_all(&misses);
-    let entry = |(miss, cause): (&Miss, Cause)| MissEntry { times: miss.times, at_s: miss.at_ns as f64 * 1e-9, cause };
+    let causes = MissCause::of_all(&misses);
+    let entry =
+        |(miss, cause): (&Miss, MissCause)| MissEntry { times: miss.times, at_s: miss.at_ns as f64 * 1e-9, cause };
     meter.misses().iter().zip(causes).map(entry).collect()
 }

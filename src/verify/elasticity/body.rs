@@ -1,4 +1,4 @@
-//! A block or bar of springs, how it is held and loaded, and what is read of it.
+//! Block or bar of springs, with its supports, its loads and the quantities measured on it.
 
 use std::f64::consts::PI;
 use std::path::Path;
@@ -13,30 +13,30 @@ use crate::model::network::{Material, Network};
 use crate::model::springs::TangentKind;
 use crate::verify::tetrahedral_block::{five_tetrahedra, six_tetrahedra, tetrahedral_block};
 
-/// Nodes nearer to a face than this, over the side, lie on it.
+/// Largest distance of a node on a face from it, over the side.
 const ON_FACE: f64 = 1e-9;
-/// Memory that a bar's file may take, bytes.
+/// Memory limit for a bar's file, bytes.
 const BUDGET: u64 = 1 << 26;
 
-/// By cells along the side; `reference/meshes/make.py` makes them.
+/// Bars by cells along the side; `reference/meshes/make.py` makes them.
 const BARS: [(usize, &[u8]); 3] = [
     (GMSH_CELLS[0], include_bytes!("../../../fixtures/meshes/bar-4.msh")),
     (GMSH_CELLS[1], include_bytes!("../../../fixtures/meshes/bar-6.msh")),
     (GMSH_CELLS[2], include_bytes!("../../../fixtures/meshes/bar-8.msh")),
 ];
 
-/// A block with one corner at the origin, below z = 0 and beside x = 0 and y = 0.
+/// Block with one corner at the origin, below z = 0 and on the positive sides of x = 0 and y = 0.
 pub(super) struct Body {
     network: Network,
-    /// m.
+    /// Length, m.
     length: f64,
 }
 
-/// Displacements that are given, for each component of each node.
+/// Prescribed displacements, for each component of each node.
 type Given = Vec<[Option<f64>; 3]>;
 
 impl Body {
-    /// So many cells along its side, and so many sides long.
+    /// Builds a block with `cells` cells along its side and a length of `sides` sides.
     pub(super) fn new(
         filling: Filling,
         identification: Identification,
@@ -79,7 +79,7 @@ impl Body {
         self.network.node_count()
     }
 
-    /// Nodes with their rest positions, and on which of x = 0, y = 0, z = −length and of x = y = SIZE, z = 0 they are.
+    /// Returns nodes with rest positions, and whether each is on x = 0, y = 0, z = −length and on x = y = SIZE, z = 0.
     fn nodes(&self) -> impl Iterator<Item = (Vec3, [bool; 3], [bool; 3])> + '_ {
         let on = |value: f64, face: f64| (value - face).abs() <= ON_FACE * SIZE;
         self.network.rest.iter().map(move |&x| {
@@ -88,7 +88,7 @@ impl Body {
         })
     }
 
-    /// What keeps a bar from moving and turning sideways without a force: two nodes of its lower end.
+    /// Returns supports that keep a bar from moving and turning sideways without a force: two nodes of its lower end.
     fn upright(&self) -> Given {
         self.nodes()
             .map(|(_, first, last)| match (first, last[0]) {
@@ -99,7 +99,7 @@ impl Body {
             .collect()
     }
 
-    /// Displacements in equilibrium with loads, N.
+    /// Solves for the displacements in equilibrium with loads, N.
     fn solve(&self, given: &Given, mut load: Vec<Vec3>) -> Result<Vec<Vec3>, ElasticityError> {
         let imposed: Vec<Vec3> = given.iter().map(|node| Vec3::from(node.map(|value| value.unwrap_or(0.0)))).collect();
         for (load, force) in load.iter_mut().zip(self.forces(&imposed)) {
@@ -111,7 +111,7 @@ impl Body {
         Ok(imposed.iter().zip(answer).map(|(imposed, u)| imposed + u).collect())
     }
 
-    /// Of the springs on the nodes, N, for small displacements.
+    /// Returns the springs' forces on the nodes for small displacements, N.
     fn forces(&self, u: &[Vec3]) -> Vec<Vec3> {
         let rest = &self.network.rest;
         let mut forces = vec![Vec3::zeros(); u.len()];
@@ -129,7 +129,7 @@ impl Body {
         vec![Vec3::zeros(); self.network.node_count()]
     }
 
-    /// Young's modulus and Poisson's ratio.
+    /// Measures Young's modulus and Poisson's ratio.
     pub(super) fn pulled(&self) -> Result<(f64, f64), ElasticityError> {
         let mut given = self.upright();
         for (given, (_, first, last)) in given.iter_mut().zip(self.nodes()) {
@@ -139,7 +139,7 @@ impl Body {
         }
         let u = self.solve(&given, self.unloaded())?;
         let pull: f64 = self.forces(&u).iter().zip(self.nodes()).filter(|(_, node)| node.2[2]).map(|(f, _)| -f.z).sum();
-        // Least squares of the displacement across over the place across.
+        // Least-squares slope of the lateral displacement over the lateral position.
         let slope = |axis: usize| {
             let centred = || self.network.rest.iter().zip(&u).map(|(x, u)| (x[axis] - 0.5 * SIZE, u[axis]));
             let mean = |of: fn((f64, f64)) -> f64| centred().map(of).sum::<f64>() / u.len() as f64;
@@ -158,8 +158,8 @@ impl Body {
         Ok(-lower().map(|(u, mass)| u.z * mass).sum::<f64>() / lower().map(|(_, mass)| mass).sum::<f64>())
     }
 
-    /// Twice the energy over the volume, J/m³, where components on the boundary are displaced in a strain of one, and
-    /// the rest finds its place.
+    /// Returns twice the energy over the volume, J/m³, with boundary components displaced by a unit strain and the rest
+    /// in equilibrium.
     pub(super) fn strained(
         &self,
         displacement: impl Fn(Vec3) -> Vec3,
@@ -175,7 +175,7 @@ impl Body {
         Ok(work / (SIZE * SIZE * self.length))
     }
 
-    /// A quarter of the half-space, whose cuts x = 0 and y = 0 are mirrors.
+    /// Measures the indentation on a quarter of the half-space, with mirror planes x = 0 and y = 0.
     pub(super) fn indented(&self) -> Result<f64, ElasticityError> {
         let given = self.nodes().map(|(x, first, last)| {
             if last[0] || last[1] || first[2] {
@@ -198,8 +198,8 @@ impl Body {
     }
 }
 
-/// Displacement of the half-space below z = 0 under a force down at the origin, m (J. Boussinesq, 1885; in this form
-/// K. L. Johnson, Contact Mechanics, 1985, 3.2).
+/// Returns the displacement of the half-space z < 0 under a downward force at the origin, m (J. Boussinesq, 1885; in
+/// this form K. L. Johnson, Contact Mechanics, 1985, 3.2).
 fn boussinesq(x: Vec3) -> [Option<f64>; 3] {
     let (depth, r, distance) = (-x.z, x.x.hypot(x.y), x.norm());
     let shear = YOUNG_MODULUS / (2.0 * (1.0 + POISSON_RATIO));
@@ -210,7 +210,7 @@ fn boussinesq(x: Vec3) -> [Option<f64>; 3] {
     [Some(across * x.x), Some(across * x.y), Some(-scale * down)]
 }
 
-/// Moved to where blocks are.
+/// Moves a mesh to the place of the blocks.
 fn at_origin(mut mesh: Mesh) -> Mesh {
     mesh.nodes.iter_mut().for_each(|x| *x += Vec3::new(0.5, 0.5, 0.0) * SIZE);
     mesh

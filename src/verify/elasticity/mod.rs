@@ -1,6 +1,6 @@
-//! How well springs from Young's modulus stand for the elastic solid: blocks of lattice cells and of tetrahedra, and
-//! bars that Gmsh has meshed, in loads whose answer in the solid is known. Small displacements; what a network cannot
-//! have is any Poisson's ratio but 1/4, so the solid is that of 1/4.
+//! Comparison of springs from Young's modulus with the elastic solid: blocks of lattice cells and of tetrahedra, and
+//! bars meshed by Gmsh, in load cases whose solution in the solid is known. Displacements are small. Such a network
+//! cannot have a Poisson's ratio other than 1/4, so that of the solid is 1/4.
 
 mod body;
 
@@ -15,21 +15,21 @@ use crate::mesh_file::MeshFileError;
 use crate::model::material::{Identification, MaterialError, POISSON_RATIO};
 use crate::model::network::NetworkError;
 
-/// E, Pa; displacements are linear in everything, so that its value does not matter.
+/// Young's modulus E, Pa; displacements are linear in everything, so its value does not matter.
 const YOUNG_MODULUS: f64 = 5e3;
-/// Side of a bar, half width and depth of what is indented, m.
+/// Side of a bar; half width and depth of the indented block, m.
 const SIZE: f64 = 0.1;
 /// Length of a bar over its side.
 const SLENDERNESS: usize = 2;
-/// kg/m³ and m/s², for a bar's own weight.
+/// Density, kg/m³, and gravity, m/s², of a bar under its own weight.
 const DENSITY: f64 = 1e3;
 const GRAVITY: f64 = 9.81;
-/// N, of the indentation.
+/// Force of the indentation, N.
 const FORCE: f64 = 1.0;
-/// Where the indentation is read: between these shares of the half width.
+/// Range over the half width in which the indentation is read.
 const READ: [f64; 2] = [0.25, 0.5];
 
-/// How a block is filled.
+/// Mesh of a block.
 ///
 /// ```
 /// use stickslip::model::material::Identification;
@@ -51,31 +51,31 @@ const READ: [f64; 2] = [0.25, 0.5];
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Filling {
-    /// By lattice cells with face diagonals.
+    /// Lattice cells with face diagonals.
     Shear,
-    /// By lattice cells with face and body diagonals.
+    /// Lattice cells with face and body diagonals.
     Full,
-    /// By five tetrahedra a cell, mirrored from cell to cell; nodes moved at random by up to this share of the spacing,
-    /// on the boundary within it.
+    /// Five tetrahedra a cell, mirrored from cell to cell; nodes are moved at random by up to this share of the
+    /// spacing, those on the boundary within it.
     FiveTetrahedra {
-        /// 0 for none; one that turns a tetrahedron inside out is refused.
+        /// Largest displacement over the spacing, 0 for none; one that inverts a tetrahedron is refused.
         jitter: f64,
     },
-    /// By six tetrahedra a cell, around the same diagonal everywhere.
+    /// Six tetrahedra a cell, around the same diagonal in every cell.
     SixTetrahedra {
-        /// As above.
+        /// Largest displacement over the spacing, as for five tetrahedra.
         jitter: f64,
     },
-    /// By tetrahedra as Gmsh makes them of a bar, its edges about as long as a cell would be. The bar is always twice
+    /// Tetrahedra of a bar meshed by Gmsh, with edges about as long as a cell. The bar is always twice
     /// as long as wide, and there is one for each of [`GMSH_CELLS`] only.
     Gmsh,
 }
 
-/// Cells along the side that bars by Gmsh stand for.
+/// Numbers of cells along the side for which there are bars by Gmsh.
 pub const GMSH_CELLS: [usize; 3] = [4, 6, 8];
 
 impl Filling {
-    /// What is compared.
+    /// Fillings that are compared.
     pub const ALL: [Self; 7] = [
         Self::Shear,
         Self::Full,
@@ -86,7 +86,7 @@ impl Filling {
         Self::Gmsh,
     ];
 
-    /// For people.
+    /// Returns the name as it is printed.
     pub fn name(self) -> String {
         let tetrahedra = |count: &str, jitter: f64| {
             if jitter == 0.0 { format!("{count} tetrahedra") } else { format!("{count} tetrahedra, jitter {jitter}") }
@@ -100,7 +100,7 @@ impl Filling {
         }
     }
 
-    /// Those that make a difference to its springs.
+    /// Returns the identifications that give different springs in this filling.
     pub fn identifications(self) -> &'static [Identification] {
         match self {
             Filling::Shear | Filling::Full => &Identification::ALL[..1],
@@ -108,35 +108,35 @@ impl Filling {
         }
     }
 
-    /// Whether there is such a block with so many cells along its side.
+    /// Returns whether there is such a block with this number of cells along its side.
     pub fn is_made_with(self, cells: usize) -> bool {
         self != Filling::Gmsh || GMSH_CELLS.contains(&cells)
     }
 }
 
-/// What is measured.
+/// Measured quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Quantity {
-    /// Young's modulus, Pa: the force on a bar pulled by its ends, which are free to contract, FL/(AΔL).
+    /// Young's modulus, Pa: FL/(AΔL) of a bar pulled by its ends, which are free to contract.
     YoungModulus,
-    /// −(strain across)/(strain along) of the same bar.
+    /// Poisson's ratio of the same bar: −(lateral strain)/(axial strain).
     PoissonRatio,
-    /// How far the lower end of a bar comes down that hangs by its upper one, m: ρgL²/2E.
+    /// Displacement of the lower end of a bar that hangs by its upper end, m: ρgL²/2E.
     Sag,
-    /// Pressure over strain of a block between slippery walls, Pa: E(1 − ν)/((1 + ν)(1 − 2ν)).
+    /// Pressure over strain of a block between frictionless walls, Pa: E(1 − ν)/((1 + ν)(1 − 2ν)).
     ConfinedModulus,
     /// Force over area and angle of a block whose whole boundary is sheared, Pa: E/2(1 + ν).
     ShearModulus,
     /// Settlement u of the surface beside a point force F as u r/F, m²/N, which is (1 − ν²)/(πE) everywhere
     /// (J. Boussinesq, 1885): the mean over nodes between a quarter and half of the way to the sides. Bottom and sides
-    /// are moved as the half-space is there, so that what is left is of the mesh; they also take away a part of what a
-    /// wrong E would do.
+    /// have the half-space's displacements, so that the remaining error is the mesh's; they also hide a part of the
+    /// effect of a wrong E.
     Indentation,
 }
 
 impl Quantity {
-    /// All.
+    /// All quantities.
     pub const ALL: [Self; 6] = [
         Self::YoungModulus,
         Self::PoissonRatio,
@@ -146,7 +146,7 @@ impl Quantity {
         Self::Indentation,
     ];
 
-    /// In the elastic solid, in its unit.
+    /// Returns the value in the elastic solid, in the quantity's unit.
     pub fn expected(self) -> f64 {
         let (e, nu) = (YOUNG_MODULUS, POISSON_RATIO);
         let length = SLENDERNESS as f64 * SIZE;
@@ -161,43 +161,43 @@ impl Quantity {
     }
 }
 
-/// A quantity of one mesh.
+/// One quantity of one mesh.
 #[derive(Debug, Clone, Serialize)]
 pub struct ElasticityRow {
-    /// What is measured.
+    /// Measured quantity.
     pub quantity: Quantity,
     /// How the block is filled.
     pub filling: String,
-    /// How its springs are told from Young's modulus; none where that is exact.
+    /// Identification of the springs from Young's modulus; none where they are exact.
     pub identification: Option<&'static str>,
     /// Cells along the side.
     pub cells: usize,
-    /// Of the whole block or bar.
+    /// Number of nodes of the whole block or bar.
     pub nodes: usize,
-    /// Of the solid.
+    /// Value of the elastic solid.
     pub expected: f64,
-    /// Of the network, in the same unit.
+    /// Value of the network, in the same unit.
     pub measured: f64,
-    /// measured / expected − 1.
+    /// Relative error, measured / expected − 1.
     pub relative_error: f64,
 }
 
-/// Why a quantity was not measured.
+/// Why a quantity could not be measured.
 #[derive(Debug, Error)]
 pub enum ElasticityError {
-    /// There is no such bar.
+    /// No bar by Gmsh has this number of cells.
     #[error("there is no bar by Gmsh with {0} cells along its side")]
     NoBar(usize),
-    /// A bar's file is damaged.
+    /// The bar's mesh file is damaged.
     #[error(transparent)]
     File(#[from] MeshFileError),
-    /// Springs or masses cannot be had.
+    /// No springs or masses can be identified.
     #[error(transparent)]
     Material(#[from] MaterialError),
-    /// They do not fit the block.
+    /// The springs or masses do not fit the block.
     #[error(transparent)]
     Network(#[from] NetworkError),
-    /// No node lies where the indentation is read: too few cells.
+    /// No node lies where the indentation is read: there are too few cells.
     #[error("no node lies where the indentation is read; give more cells")]
     NothingToRead,
     /// The network can move without a force.
@@ -205,11 +205,12 @@ pub enum ElasticityError {
     Unstable,
 }
 
-/// Every quantity of every filling by every identification, in blocks with so many cells along their side: those of one
-/// mesh together, and meshes of one kind, in the order given. Fillings that are not made with so many are left out.
+/// Measures every quantity of every filling by every identification, for each number of cells along the side: rows of
+/// one mesh, and meshes of one kind, are together, in the given order. A filling that does not exist with a number of
+/// cells is omitted.
 ///
 /// # Errors
-/// As [`measure`].
+/// If a measurement fails ([`measure`]).
 pub fn table(cells: &[usize]) -> Result<Vec<ElasticityRow>, ElasticityError> {
     let mut rows = Vec::new();
     for filling in Filling::ALL {
@@ -224,10 +225,10 @@ pub fn table(cells: &[usize]) -> Result<Vec<ElasticityRow>, ElasticityError> {
     Ok(rows)
 }
 
-/// One quantity of a block with so many cells along its side.
+/// Measures one quantity of a block with this number of cells along its side.
 ///
 /// # Errors
-/// If the block cannot be filled so, or does not resist.
+/// If the block cannot be filled in this way, or does not resist the load.
 pub fn measure(
     quantity: Quantity,
     filling: Filling,

@@ -1,4 +1,4 @@
-//! What is measured of the run of an extreme.
+//! Measurements on the run of an extreme.
 
 use std::ops::Range;
 
@@ -13,9 +13,10 @@ use crate::pipeline::TickView;
 use crate::scene::Scene;
 use crate::surface::subdivision::LARGEST_SUPPORT;
 use crate::surface::support::Support;
-use crate::verify::residual::{larger, largest};
+use crate::verify::residual::larger;
+use crate::verify::residual::largest;
 
-/// What is kept of a run.
+/// Measurements of a run.
 pub(super) struct Watch {
     scheme: Scheme,
     friction: Option<f64>,
@@ -25,10 +26,10 @@ pub(super) struct Watch {
     pub(super) tunnelling_ticks: u64,
     beyond_coulomb_n: f64,
     balance: f64,
-    energy_book: f64,
-    /// Least and largest energy since the tip left.
+    energy_balance: f64,
+    /// Least and largest energy in free ticks once work has been done, J.
     free_energy: Range<f64>,
-    /// Of each node, from its rest place, m.
+    /// Largest distance of each node from its rest position, m.
     moved: Vec<f64>,
     remains: f64,
     condensation: Option<CondensationCounts>,
@@ -49,7 +50,7 @@ impl Watch {
             tunnelling_ticks: 0,
             beyond_coulomb_n: 0.0,
             balance: f64::NAN,
-            energy_book: f64::NAN,
+            energy_balance: f64::NAN,
             free_energy: f64::INFINITY..f64::NEG_INFINITY,
             moved: vec![0.0; mesh.nodes.len()],
             remains: f64::NAN,
@@ -83,11 +84,11 @@ impl Watch {
         if view.tick == self.last_tick {
             self.remains = furthest;
             self.balance = self.out_of_balance(view);
-            self.energy_book = view.energy.residual().abs() / view.energy.absolute_work;
+            self.energy_balance = view.energy.residual().abs() / view.energy.absolute_work;
         }
     }
 
-    /// |instrument + ground − weight| over the largest of the three.
+    /// Returns |instrument + ground − weight| over the largest of the three.
     fn out_of_balance(&self, view: &TickView) -> f64 {
         let (model, state) = (view.local.model(), view.local.state());
         let mut f = vec![Vec3::zeros(); state.x.len()];
@@ -98,7 +99,7 @@ impl Watch {
         if let (Some(contact), false) = (view.local.contact(), view.report.rigid) {
             view.local.shape().touch(self.scheme.metric(), &contact.point, &mut support);
         }
-        // What fixed nodes carry of the contact point goes into the ground directly.
+        // The share of the contact point on fixed nodes acts on the ground directly.
         let instrument = view.force * support.free_weight();
         let of_all = largest([instrument, ground, weight].map(|force| force.norm()));
         (instrument + ground - weight).norm() / of_all
@@ -121,7 +122,7 @@ impl Watch {
         match quantity {
             Quantity::Balance => self.balance,
             Quantity::Coulomb => self.beyond_coulomb_n,
-            Quantity::EnergyBook => self.energy_book,
+            Quantity::EnergyBalance => self.energy_balance,
             Quantity::EnergyKept => (self.free_energy.end - self.free_energy.start) / self.free_energy.end,
             Quantity::Moved(which) => {
                 let nodes = (0..).zip(&self.moved).filter(|&(node, _)| which(node));

@@ -1,4 +1,4 @@
-//! A local model at a point of a map: what its one-step matrix says of a step, and what running it does.
+//! Local model at a point of a map: its one-step matrix and its running simulation.
 
 use std::sync::Arc;
 
@@ -23,41 +23,41 @@ use crate::surface::support::{Metric, Support};
 
 /// Ticks of a measurement.
 const TICKS: usize = 1000;
-/// A perturbation grows if its kinetic energy does by this factor from the first half to the second.
+/// Factor of the kinetic energy from the first half to the second above which a perturbation counts as growing.
 const GROWN: f64 = 4.0;
-/// Squarings of the one-step matrix that its spectral radius is taken from.
+/// Squarings of the one-step matrix from which its spectral radius is estimated.
 const SQUARINGS: u32 = 22;
-/// A power of it whose norm is less needs no further ones.
+/// Norm of a power of the one-step matrix below which no further powers are needed.
 const SHRUNK: f64 = 0.1;
-/// What they leave of the norm where modes stay on the unit circle, as undamped ones do.
+/// Excess over 1 that the estimate keeps where modes stay on the unit circle, as undamped ones do.
 pub(super) const ON_THE_CIRCLE: f64 = 1e-5;
-/// Where an impulse leaves less of the velocity it gives than this, rounding decides whether the contact is held.
+/// Share of an impulse's velocity left at the tick's end below which rounding decides whether it holds the contact.
 const ROUNDED: f64 = 1e-10;
 
-/// A patch with more nodes is replaced by one of one ring: powers cost the cube of it.
+/// Number of nodes above which a patch is replaced by one of one ring: the cost of powers is cubic in it.
 const LARGEST_PATCH: usize = 60;
-/// How deep the held contact is pressed in, in spacings, and the share of the work done that the
-/// perturbation gets: little enough never to pull.
+/// Depth of the held contact, in spacings, and the share of the work done that the perturbation has:
+/// small enough that the contact never pulls.
 const PRESSED: f64 = 0.1;
 const PERTURBATION: f64 = 1e-6;
 
-/// A linear local model at rest, its one-step matrices, and what it takes to run it.
+/// Linear local model at rest, its one-step matrices, and the data to run it.
 pub(super) struct Subject {
     integrator: LocalIntegrator,
     rules: ContactRules,
     surface: SurfaceModel,
     model: LocalModel,
     at_rest: LocalState,
-    /// Pressed in, in equilibrium with the tip.
+    /// State pressed in, in equilibrium with the tip.
     pressed: LocalState,
     contact: ContactPoint,
-    /// Of the pressed contact, m.
+    /// Tip of the pressed contact, m.
     tip: Vec3,
-    /// Of the pressed contact.
+    /// Normal of the pressed contact.
     normal: Vec3,
-    /// What presses it in, without sign: Wᵀ of it is K's answer to being pressed, N.
+    /// Force that presses the contact in, N, up to its sign: K u = Wᵀ push for the pressed displacements u.
     push: DVector<f64>,
-    /// Work that pressing took, J.
+    /// Work of the pressing, J.
     work: f64,
     /// M^{-½} K M^{-½}, 1/s².
     pub(super) stiffness: DMatrix<f64>,
@@ -65,10 +65,57 @@ pub(super) struct Subject {
     damping: DMatrix<f64>,
     /// W M^{-½}.
     w: DMatrix<f64>,
-    /// M^½ times what the geometric scheme moves the nodes by, per displacement of the contact point.
+    /// M^½ times the displacements of the nodes by the geometric scheme, per displacement of the contact point.
     deformation: DMatrix<f64>,
-    /// M^½ times the direction in which P takes out the contact point's velocity.
+    /// M^½ times the direction along which P removes the contact point's velocity.
     response: DMatrix<f64>,
+}
+
+/// Matrices of a linear local model and its contact point in coordinates scaled by M^½.
+struct ScaledMatrices {
+    stiffness: DMatrix<f64>,
+    damping: DMatrix<f64>,
+    w: DMatrix<f64>,
+    deformation: DMatrix<f64>,
+    response: DMatrix<f64>,
+}
+
+impl ScaledMatrices {
+    /// Returns `None` where the model is not linear.
+    fn new(model: &LocalModel, support: &Support, scheme: Scheme) -> Option<Self> {
+        let mass = &model.patch.mass;
+        let dof = 3 * mass.len();
+        let root = |i: usize| mass[i / 3].sqrt();
+        let forces = model.linear_forces()?;
+        let scaled =
+            |column: usize| DMatrix::from_fn(dof, dof, |i, j| forces.entry(i, column + j) / (root(i) * root(j)));
+        // Builds a matrix with one column for each direction of the contact point from a number per support node.
+        let columns = |of: &dyn Fn(usize, f64) -> f64| {
+            let mut matrix = DMatrix::zeros(dof, 3);
+            for node in support.nodes() {
+                for a in 0..3 {
+                    matrix[(3 * node.slot + a, a)] = of(node.slot, node.weight);
+                }
+            }
+            matrix
+        };
+        let (square, free_weight) = (support.square_weight(), support.free_weight());
+        let deformation = match scheme {
+            Scheme::Geometric { deformation: Deformation::Rigid, .. } => {
+                columns(&|slot, _| root(3 * slot) / free_weight)
+            }
+            Scheme::Geometric { deformation: Deformation::LeastNorm, .. } => {
+                columns(&|slot, weight| root(3 * slot) * weight / square)
+            }
+            Scheme::Velocity => DMatrix::zeros(dof, 3),
+        };
+        let response = match scheme.metric() {
+            Metric::Euclidean => columns(&|slot, weight| root(3 * slot) * weight / square),
+            Metric::Mass => columns(&|slot, weight| weight / root(3 * slot) / support.scale()),
+        };
+        let w = columns(&|slot, weight| weight / root(3 * slot)).transpose();
+        Some(Self { stiffness: scaled(0), damping: scaled(dof), w, deformation, response })
+    }
 }
 
 impl Subject {
@@ -137,38 +184,11 @@ impl Subject {
             return Err(MapError::Rigid { free_weight });
         }
         let model = simulation.model().clone();
+        let matrices = ScaledMatrices::new(&model, &support, scheme).ok_or(MapError::NotHeld)?;
+        let ScaledMatrices { stiffness, damping, w, deformation, response } = matrices;
         let mass = &model.patch.mass;
         let dof = 3 * mass.len();
         let root = |i: usize| mass[i / 3].sqrt();
-        let forces = model.linear_forces().ok_or(MapError::NotHeld)?;
-        let scaled =
-            |column: usize| DMatrix::from_fn(dof, dof, |i, j| forces.entry(i, column + j) / (root(i) * root(j)));
-        let (stiffness, damping) = (scaled(0), scaled(dof));
-        // One column for each direction of the contact point, from a number per support node.
-        let columns = |of: &dyn Fn(usize, f64) -> f64| {
-            let mut matrix = DMatrix::zeros(dof, 3);
-            for node in support.nodes() {
-                for a in 0..3 {
-                    matrix[(3 * node.slot + a, a)] = of(node.slot, node.weight);
-                }
-            }
-            matrix
-        };
-        let square = support.square_weight();
-        let w = columns(&|slot, weight| weight / root(3 * slot)).transpose();
-        let deformation = match scheme {
-            Scheme::Geometric { deformation: Deformation::Rigid, .. } => {
-                columns(&|slot, _| root(3 * slot) / free_weight)
-            }
-            Scheme::Geometric { deformation: Deformation::LeastNorm, .. } => {
-                columns(&|slot, weight| root(3 * slot) * weight / square)
-            }
-            Scheme::Velocity => DMatrix::zeros(dof, 3),
-        };
-        let response = match metric {
-            Metric::Euclidean => columns(&|slot, weight| root(3 * slot) * weight / square),
-            Metric::Mass => columns(&|slot, weight| weight / root(3 * slot) / support.scale()),
-        };
 
         // K u = Wᵀλ with W u = −δ n̂, in the scaled coordinates.
         let depth = PRESSED * scene.mesh.spacing();
@@ -205,11 +225,12 @@ impl Subject {
         })
     }
 
-    /// Largest |eigenvalue| of one step, in the coordinates (M^½ x, h M^½ v). Infinite where there is no step, or where
-    /// it does not hold the contact; only a bound below 1 where a power of the step shows that it shrinks all.
+    /// Returns the largest |eigenvalue| of one step, in the coordinates (M^½ x, h M^½ v). It is infinite where there is
+    /// no step, or where the step does not hold the contact, and only a bound below 1 where a power of the step
+    /// contracts.
     pub(super) fn spectral_radius(&self, touching: Touching, h: f64) -> f64 {
         let Some(step) = self.one_step(touching, h) else { return f64::INFINITY };
-        // Gelfand: the 2ᵏ-th root of the norm of the 2ᵏ-th power, far cheaper than eigenvalues.
+        // Gelfand's formula: the 2ᵏ-th root of the norm of the 2ᵏ-th power, far cheaper than eigenvalues.
         let (mut power, mut logarithm) = (step, 0.0);
         for squaring in 0..=SQUARINGS {
             let norm = power.norm();
@@ -217,7 +238,7 @@ impl Subject {
                 return norm;
             }
             logarithm += norm.ln() / f64::from(1 << squaring);
-            // Of the power before it was divided by the norms.
+            // The logarithm is that of the norm of the power before its normalisation.
             if logarithm * f64::from(1 << squaring) < SHRUNK.ln() {
                 break;
             }
@@ -236,7 +257,7 @@ impl Subject {
         }
     }
 
-    /// A free tick, and what an impulse hΛ spread over it adds (2n × 3).
+    /// Returns the matrix of a free tick, and the effect of an impulse hΛ spread over it (2n × 3).
     fn free_step(&self, h: f64) -> Option<[DMatrix<f64>; 2]> {
         match self.integrator {
             LocalIntegrator::SemiImplicitEuler => self.euler(h, 0.0, [0.0, 1.0]),
@@ -246,7 +267,7 @@ impl Subject {
         }
     }
 
-    /// With forces at the share θ of the tick:
+    /// Integrates with forces at the fraction θ of the tick:
     /// (I − θhD − θ²h²K) v′ = (1 + (1 − θ)hD + θ(1 − θ)h²K) v + h²K x, x′ = x + old v + new v′.
     fn euler(&self, h: f64, theta: f64, [old, new]: [f64; 2]) -> Option<[DMatrix<f64>; 2]> {
         let n = self.stiffness.nrows();
@@ -265,8 +286,8 @@ impl Subject {
         Some([step.columns(0, 2 * n).into_owned(), step.columns(2 * n, 3).into_owned()])
     }
 
-    /// The same for the exact solution: e^Z of Z = [0 I 0; h²K hD Wᵀ; 0 0 0]. It is taken in units of x in which
-    /// the blocks of Z are of one size.
+    /// Integrates exactly: e^Z of Z = [0 I 0; h²K hD Wᵀ; 0 0 0], in units of x in which the blocks of Z are of equal
+    /// size.
     fn exponential(&self, h: f64) -> [DMatrix<f64>; 2] {
         let n = self.stiffness.nrows();
         let k = &self.stiffness * (h * h);
@@ -282,8 +303,8 @@ impl Subject {
         [step.view((0, 0), (2 * n, 2 * n)).into_owned(), step.view((0, 2 * n), (2 * n, 3)).into_owned()]
     }
 
-    /// v′ = v* + A⁻¹WᵀΛ so that hW v′ = −W x, and x′ = x* + XWᵀΛ′ so that W x′ = 0. `None` where an impulse
-    /// does not move the contact point in every direction, or moves it against the force that presses it in.
+    /// Returns the held step: v′ = v* + A⁻¹WᵀΛ so that hW v′ = −W x, and x′ = x* + XWᵀΛ′ so that W x′ = 0. `None` where
+    /// an impulse does not move the contact point in every direction, or moves it against the force that presses it in.
     fn held(&self, free: &DMatrix<f64>, answer: &DMatrix<f64>) -> Option<DMatrix<f64>> {
         let n = self.stiffness.nrows();
         let [on_x, on_v] = [0, n].map(|at| answer.rows(at, n));
@@ -300,8 +321,8 @@ impl Subject {
         Some(step)
     }
 
-    /// The explicit step under the geometric scheme: x′ = X x + v′ with what the deformation leaves, X, and
-    /// v′ = P(v + h²K X x + hD v).
+    /// Returns the explicit step under the geometric scheme: x′ = X x + v′, where X is the remainder after the
+    /// deformation, and v′ = P(v + h²K X x + hD v).
     fn deformed(&self, h: f64) -> DMatrix<f64> {
         let n = self.stiffness.nrows();
         let identity = DMatrix::<f64>::identity(n, n);
@@ -316,7 +337,7 @@ impl Subject {
         step
     }
 
-    /// Whether a small random velocity grows in the running model.
+    /// Returns whether a small random velocity grows in the running model.
     pub(super) fn grows(&self, touching: Touching, h: f64) -> bool {
         let (state, tip) = match touching {
             Touching::Free => (&self.at_rest, self.tip + Vec3::z() * 1e6),
@@ -328,7 +349,7 @@ impl Subject {
             seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             (seed >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
         };
-        // In long ticks the velocity that has to be stopped counts for less, and so what presses the contact for more.
+        // In long ticks the perturbation displaces the contact further, so its energy is reduced.
         let energy = PERTURBATION * self.work / (1.0 + self.stiffness.norm() * h * h);
         let mass = &self.model.patch.mass;
         for (v, m) in state.v.iter_mut().zip(mass) {
@@ -348,7 +369,7 @@ impl Subject {
         for tick in 0..TICKS {
             let mode = simulation.tick(tip, tip).mode;
             let energy = self.model.kinetic_energy(&simulation.state().v);
-            // A contact that lets go has grown by more than the margin it started with.
+            // A contact that is lost has grown by more than the margin it started with.
             if !(mode == expected && energy <= start * 1e12) {
                 return true;
             }
@@ -358,8 +379,8 @@ impl Subject {
         largest[1] > GROWN * largest[0]
     }
 
-    /// What an impulse on the pressed contact leaves of its velocity at the end of a tick, over what it gives in a
-    /// short one, along the normal.
+    /// Returns the normal velocity of the pressed contact that is left of an impulse at the end of a tick, over that of a
+    /// short tick.
     fn hold(&self, h: f64) -> Option<f64> {
         let [_, answer] = self.free_step(h)?;
         let along = |on: &DMatrix<f64>| (&self.w * on * &self.push).dot(&self.normal);
@@ -367,7 +388,7 @@ impl Subject {
         Some(along(&answer.rows(n, n).into_owned()) / along(&self.w.transpose()))
     }
 
-    /// Why the measured boundary is another one, if the matrix says so.
+    /// Returns why the measured boundary differs from the predicted one, if the matrix shows it.
     pub(super) fn reason(
         &self,
         touching: Touching,
@@ -379,19 +400,19 @@ impl Subject {
         let growth = radius.powi(TICKS as i32);
         if radius > 1.0 + ON_THE_CIRCLE && growth < GROWN {
             return Some(format!(
-                "at the measured boundary a mode grows by {growth:.2} in {TICKS} ticks, too little to be seen"
+                "at the measured boundary a mode grows by a factor of {growth:.2} in {TICKS} ticks, too little to detect"
             ));
         }
         let hold = self.hold(measured.min(predicted_s.unwrap_or(LONGEST)));
         if let (Touching::Held, Some(hold)) = (touching, hold.filter(|hold| hold.abs() < ROUNDED)) {
             return Some(format!(
-                "motion dies within a tick: an impulse leaves {hold:.0e} of the velocity it gives, and rounding decides"
+                "motion decays within a tick: {hold:.0e} of an impulse's velocity remains, and rounding decides"
             ));
         }
         let beyond =
             |share: u32| predicted_s.is_some_and(|h| self.grows(touching, h * (1.0 + 0.005 * f64::from(share))));
         (1..=4).any(beyond).then(|| {
-            "perturbations grow just beyond the predicted step too: stable and unstable steps alternate".to_owned()
+            "perturbations also grow just beyond the predicted step: stable and unstable steps alternate".to_owned()
         })
     }
 }

@@ -1,4 +1,4 @@
-// Replays runs in 3-D. `THREE` is the bundle before this script; the runs are in #view-data, as view.rs writes them.
+// Replays runs in 3-D. `THREE` is the bundle before this script; view.rs writes the runs into #view-data.
 "use strict";
 (() => {
   const byId = (id) => document.getElementById(`view-${id}`);
@@ -9,13 +9,13 @@
   const LIGHT = { ground: 0xeef1f4, body: 0xb9c6d3, line: 0x5f7183, fixed: 0x2b343d, patch: 0xd95f0e, tip: 0x185a9d, force: 0xb01030 };
   const DARK = { ground: 0x15191e, body: 0x5d6f82, line: 0x9fb2c4, fixed: 0x0a0c0e, patch: 0xffa04d, tip: 0x7db8f5, force: 0xff6b81 };
 
-  /** 16-bit numbers, lower byte first, in base 64. */
+  /** Decodes 16-bit numbers in base 64, lower byte first. */
   function numbers(text) {
     const bytes = Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
     return new Uint16Array(bytes.buffer);
   }
 
-  /** A run: where its vertices, its tip and its force are in each frame. */
+  /** A run: positions of its vertices, its tip and its force in each frame. */
   class Run {
     constructor(data) {
       Object.assign(this, data);
@@ -31,7 +31,7 @@
       return this.origin_m[axis] + this.step_m * steps;
     }
 
-    /** Moves `vertices` to a frame. */
+    /** Sets `vertices` to their positions in a frame. */
     place(frame) {
       const from = 3 * this.moving.length * frame;
       this.moving.forEach((vertex, k) => {
@@ -41,7 +41,7 @@
       });
     }
 
-    /** The patch in use in a frame. */
+    /** Returns the vertices of the patch in use in a frame. */
     patch(frame) {
       return this.patches.findLast((patch) => patch.frame <= frame).vertices;
     }
@@ -55,7 +55,7 @@
     }
   }
 
-  /** Each edge once. */
+  /** Returns the ends of the edges of triangles, each edge once. */
   function edges(triangles) {
     const seen = new Set();
     const ends = [];
@@ -71,7 +71,7 @@
     return ends;
   }
 
-  /** What is drawn of one run. All parts share the positions of its vertices. */
+  /** The drawn objects of one run. All parts share the positions of its vertices. */
   class Model {
     constructor(run, colours) {
       this.run = run;
@@ -100,12 +100,12 @@
       const lines = new THREE.LineSegments(share(edges(run.triangles)), new THREE.LineBasicMaterial({ color: colours.line }));
       this.patch = nodes(run.moving.length, colours.patch);
       this.fixed = nodes(run.fixed.length, colours.fixed);
-      // Tip and force are seen through the walls of the pit that they make.
+      // Tip and force stay visible through the walls of the indentation.
       this.tip = new THREE.Mesh(new THREE.SphereGeometry(1.3 * dot, 24, 16), new THREE.MeshLambertMaterial({ color: colours.tip, depthTest: false }));
       this.tip.renderOrder = 1;
       this.arrow = new THREE.Group();
       const paint = new THREE.MeshLambertMaterial({ color: colours.force, depthTest: false });
-      // Along y, one long.
+      // The arrow is along y, with length 1.
       const shaft = new THREE.Mesh(new THREE.CylinderGeometry(1, 1, 0.8, 16).translate(0, 0.4, 0), paint);
       const head = new THREE.Mesh(new THREE.ConeGeometry(2.4, 0.2, 24).translate(0, 0.9, 0), paint);
       shaft.renderOrder = 1;
@@ -119,7 +119,7 @@
       this.scene.add(new THREE.AmbientLight(0xffffff, 1.3), sun);
     }
 
-    /** Puts a ball on each of these vertices. */
+    /** Puts a ball on each vertex of a list. */
     mark(balls, vertices) {
       const place = new THREE.Matrix4();
       balls.count = vertices.length;
@@ -156,7 +156,7 @@
   try {
     renderer = new THREE.WebGLRenderer({ canvas, antialias: true });
   } catch {
-    // #view-none says so.
+    // #view-none states the reason.
     return;
   }
   byId("none").hidden = true;
@@ -170,12 +170,12 @@
   let model;
   let frame = 0;
   let playing = false;
-  /** Simulated seconds while it plays, and when that was looked at, ms. */
+  /** Simulated time while playing, s, and the time of its last update, ms. */
   let clock = 0;
   let lookedAt = 0;
   let waiting = false;
 
-  /** Asks for a picture, once for all that changes before it. */
+  /** Requests a frame, once for all changes before it. */
   function draw() {
     if (!waiting) {
       waiting = true;
@@ -196,7 +196,7 @@
     const { time_s: times, frames } = model.run;
     clock += 1e-3 * (now - lookedAt) * Number(byId("speed").value);
     lookedAt = now;
-    // From the end on to the beginning, after a moment.
+    // After the end, wait 0.2 s and start again.
     if (clock > times[frames - 1] + 0.2) clock = times[0];
     let next = frame;
     if (times[next] > clock) next = 0;
@@ -237,7 +237,7 @@
     controls.update();
   }
 
-  /** Turns the camera about the middle of the body, and nearer or farther. */
+  /** Turns the camera about the centre of the body and scales its distance. */
   function turn(around, up, factor) {
     const away = camera.position.clone().sub(controls.target);
     const length = away.length() * factor;
@@ -265,7 +265,7 @@
     renderer.setSize(width, height, false);
     camera.aspect = width / height;
     camera.updateProjectionMatrix();
-    // At once: a canvas of a new size is empty.
+    // Draw at once: a resized canvas is empty.
     renderer.render(model.scene, camera);
   }
 
@@ -312,7 +312,7 @@
   aim();
   show(0);
   new ResizeObserver(fit).observe(canvas);
-  // It plays from when it is first seen, and never where that is not wanted.
+  // Playback starts when the view is first visible, and never if reduced motion is preferred.
   const seen = new IntersectionObserver(([entry]) => {
     if (!entry.isIntersecting) return;
     seen.disconnect();

@@ -1,4 +1,4 @@
-// All of three.js that view.js uses.
+// The parts of three.js that view.js uses.
 export {
   AmbientLight,
   BufferAttribute,

@@ -1,5 +1,5 @@
-//! Where the tip meets the limit surface: nearest points, sides, passages, borders, and shapes that a
-//! surface should not have.
+//! Contact with the limit surface: nearest points, sides, passages, borders, and degenerate
+//! shapes.
 
 use std::sync::Arc;
 
@@ -62,7 +62,7 @@ impl Body {
         self.shape().touch(Metric::Mass, point, &mut Support::with_capacity(32))
     }
 
-    /// The least distance of q from a fine sample of every triangle, m.
+    /// Returns the least distance of q from a fine sample of every triangle, m.
     fn sampled_distance(&self, q: Vec3, samples: usize) -> f64 {
         let shape = self.shape();
         let points = (0..self.triangles()).flat_map(|triangle| {
@@ -93,7 +93,7 @@ fn dented() -> Body {
     })
 }
 
-/// One layer of triangles with a border.
+/// Builds one layer of triangles with a border.
 fn sheet() -> Body {
     let (n, mut nodes, mut triangles) = (5_u32, Vec::new(), Vec::new());
     for j in 0..n {
@@ -117,7 +117,7 @@ fn point() -> impl Strategy<Value = ContactPoint> {
     (0..240_u32, weights).prop_map(|(triangle, weights)| ContactPoint { triangle, weights })
 }
 
-/// Off along the normal by less than any radius of curvature, the nearest point is the one started from.
+/// Along the normal, at less than any radius of curvature, the nearest point is the starting point.
 #[test]
 fn distance_along_the_normal_is_the_signed_distance() {
     // Round-off of positions up to 0.05 m; the search ends at steps of 1e-12 of an edge. Measured: 2e-17.
@@ -135,7 +135,7 @@ fn distance_along_the_normal_is_the_signed_distance() {
     run.unwrap();
 }
 
-/// No sample of the surface is nearer than the nearest point, from within an edge of it.
+/// No sample of the surface within an edge of q is nearer than the nearest point.
 #[test]
 fn no_other_point_is_nearer() {
     // The search starts from the nearest point of the control mesh. Measured: 0, always at least as near.
@@ -144,18 +144,18 @@ fn no_other_point_is_nearer() {
     let near = (-0.035..0.035, -0.035..0.035, -0.026..0.006).prop_map(|(x, y, z)| Vec3::new(x, y, z));
     let run = runner(300).run(&near, |q| {
         let distance = body.shape().signed_distance(q).abs();
-        // Deep inside a slab two sides are equally near, and either will do for a tip.
+        // Deep inside a slab two sides are equally near, and either is valid for a tip.
         prop_assume!(distance < 0.006);
         nearer.case(distance - body.sampled_distance(q, 10))
     });
     run.unwrap();
 }
 
-/// A projection walks to the nearest point from wherever it starts on the same side.
+/// A projection walks to the nearest point from any start on its side.
 #[test]
 fn projections_end_where_the_offset_is_normal() {
-    // The search ends at a step of 1e-12 of an edge, 2e-14 m; where the model of second order is not convex,
-    // the next one would be a good part of that. Measured: 1.5e-14.
+    // The search ends at a step of 1e-12 of an edge, 2e-14 m; where the second-order model is not convex,
+    // the next step would be of that order. Measured: 1.5e-14.
     let worst = Worst::new("limit surface", "projection: tangential part of q - p, m", 3e-14);
     let body = dented();
     let tip = (-0.02..0.02, -0.02..0.02, -0.002..0.002);
@@ -172,7 +172,7 @@ fn projections_end_where_the_offset_is_normal() {
     run.unwrap();
 }
 
-/// The first passage of a free tip through a body that moves, against 4,000 samples of the tick.
+/// The first passage of a free tip through a moving body, compared with 4,000 samples of the tick.
 #[test]
 fn passages_are_found_when_they_happen() {
     // A sample is 1/4000 of a tick wide.
@@ -183,7 +183,7 @@ fn passages_are_found_when_they_happen() {
         &(prop::array::uniform2(-0.02..0.02), 0.0005..0.004_f64, -0.004..0.001_f64, prop::array::uniform3(-2.0..2.0)),
         |([x, y], above, below, wind)| {
             let mut body = dented();
-            // Every node with a velocity of its own, m/s.
+            // Each node has its own velocity, m/s.
             for (i, v) in body.state.v.iter_mut().enumerate() {
                 *v = Vec3::from(wind) * (0.5 + 0.5 * (i as f64 * 1.7).sin());
             }
@@ -241,7 +241,7 @@ fn a_border_ends_the_contact() {
     assert!(modes.contains(&Mode::Slide) && modes.last() == Some(&Mode::Free), "slides, then is over the border");
 }
 
-/// The limit surface rounds a block: by how much, in units of its spacing.
+/// The limit surface rounds a block by known amounts, in units of its spacing.
 #[test]
 fn edges_and_corners_are_rounded_by_known_amounts() {
     let body = Body::new(&block(), |x| x);
@@ -264,11 +264,11 @@ fn edges_and_corners_are_rounded_by_known_amounts() {
         );
         assert!(distance > 0.2 && distance < 1.0, "{distance}");
     }
-    // Flat where the support is.
+    // The surface is flat where its support is.
     assert!(face.abs() <= 1e-14, "{face}");
 }
 
-/// A tip that presses on the vertices of a block that are not regular, from straight above.
+/// A tip presses on the irregular vertices of a block, from straight above.
 #[test]
 fn vertices_of_every_kind_can_be_pressed() {
     let mesh = block();
@@ -297,7 +297,7 @@ fn vertices_of_every_kind_can_be_pressed() {
     }
 }
 
-/// A surface that is no surface any more: an answer or a named fault, never a panic or a hang.
+/// A degenerate surface gives a result or a named fault, never a panic or a hang.
 #[test]
 fn degenerate_shapes_end_in_an_answer_or_a_fault() {
     type Squash = fn(Vec3) -> Vec3;
@@ -327,7 +327,7 @@ fn degenerate_shapes_end_in_an_answer_or_a_fault() {
     }
 }
 
-/// A soft block crushed far beyond what its springs can bear.
+/// A soft block is crushed far beyond the load that its springs can bear.
 #[test]
 fn a_crushed_block_ends_in_an_answer_or_a_fault() {
     for scheme in ["geometric", "velocity"] {
@@ -359,8 +359,8 @@ fn a_crushed_block_ends_in_an_answer_or_a_fault() {
     }
 }
 
-/// A point that is held while the tip goes 5 cm pulls the mesh into spikes: control vertices far from the
-/// surface that they make. Where the contact tears off, the tip stays outside until it touches again.
+/// A point held while the tip moves by 5 cm pulls the mesh into spikes: control vertices far from their
+/// surface. Where the contact tears off, the tip stays outside until it touches again.
 #[test]
 fn a_tip_does_not_get_into_a_crumpled_surface_unfelt() {
     let scene = scene(
