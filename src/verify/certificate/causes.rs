@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 /// // The tick after a slow one begins late because of that one.
 /// let next = Missed { follows: true, ..woken_late };
 /// assert_eq!(MissCause::of_all(&[slow, next]), [MissCause::Compute; 2]);
-/// assert_eq!(MissCause::Preempted.name(), "something else had the CPU");
+/// assert_eq!(MissCause::Preempted.name(), "preempted");
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
