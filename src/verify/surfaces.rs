@@ -81,6 +81,7 @@ pub struct SurfaceMeasures {
 ///
 /// let (coarse, fine) = (grid(1), grid(2));
 /// assert_eq!(coarse.len(), DRAGS.len() * SURFACES.len() * SCHEMES.len());
+/// assert!(coarse.iter().chain(&fine).all(|combination| combination.scene.check().is_ok()));
 /// assert_eq!(fine[0].spacing_m, coarse[0].spacing_m / 2.0);
 /// // The same body in finer pieces: an eighth of the mass per node, springs half as stiff.
 /// let [coarse, fine] = [&coarse[0], &fine[0]].map(|each| &each.scene.material);
@@ -95,7 +96,7 @@ pub fn grid(refinement: usize) -> Vec<Combination> {
             for (scheme, rules) in SCHEMES {
                 let mut scene = whole(&shipped, kind, rules);
                 refine(&mut scene, refinement);
-                scene.name = format!("{drag}, {surface}, {scheme}");
+                scene.name = format!("{drag}-{surface}-{scheme}");
                 grid.push(Combination { drag, surface, scheme, spacing_m: scene.mesh.spacing(), scene });
             }
         }
