@@ -1,6 +1,6 @@
-//! # stickslip held against MuJoCo
+//! # stickslip compared with MuJoCo
 //!
-//! The same network, the same contact point and the same loads, given to an independent simulator:
+//! An independent simulator is given the same network, contact point and loads:
 //! [`mjcf`] writes a network as a MuJoCo model, [`Reference`] runs it, [`samples`] makes the
 //! networks, states and contact points that the two are compared on, and [`residual`] says by how
 //! much they differ. The comparisons themselves are in `tests/`. To run them, from the root of the

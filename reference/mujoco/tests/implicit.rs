@@ -26,7 +26,7 @@ const STEP: f64 = 1e-11;
 /// what that geometric stiffness may change. Measured: 1e-9.
 const NEARLY: f64 = 1e-9;
 const FROM_REST: f64 = 1e-8;
-/// The same over a trajectory, and of positions relative to the spacing. Measured: 2e-15.
+/// Difference of positions over a trajectory, relative to the spacing. Measured: 2e-15.
 const TRAJECTORY: f64 = 1e-12;
 /// Steps of a trajectory. What two programs round grows: they part by 4e-8 within 200 steps of 0.01 s, and by 2e-8
 /// within 30 of 0.1 s, which are left out.

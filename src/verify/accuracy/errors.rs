@@ -33,7 +33,7 @@ pub struct WindowError {
 pub struct Errors {
     /// Root mean square of the force error over that of the reference's force.
     pub force_error_rms_rel: f64,
-    /// The same error against the fine reference.
+    /// Root mean square of the force error against the fine reference, over that of its force.
     pub force_error_rms_rel_fine: f64,
     /// Largest force error, N.
     pub force_error_max_n: f64,
