@@ -8,21 +8,28 @@ use crate::{Mat3, Vec3};
 /// The constraint between the tip and the surface.
 ///
 /// ```
-/// use stickslip::{Mat3, Vec3, contact::law::{Law, Mode}};
+/// use stickslip::{Mat3, Vec3, contact::law::{Friction, Interface, Law, Mode}};
 ///
-/// let law = Law::StickSlip { friction: 0.5 };
+/// let law = Law::StickSlip { friction: 0.5.into() };
 /// let normal = Vec3::z();
 /// let gentle = Vec3::new(0.3, 0.0, 1.0); // F_T < μF_N
-/// assert_eq!(law.contact_force(gentle, normal), (Mode::Stick, gentle));
+/// assert_eq!(law.contact_force(gentle, normal, Interface::NEW), (Mode::Stick, gentle));
 /// let hard = Vec3::new(0.8, 0.0, 1.0);
-/// let (mode, force) = law.contact_force(hard, normal);
+/// let (mode, force) = law.contact_force(hard, normal, Interface::NEW);
 /// assert_eq!(mode, Mode::Slip);
 /// assert!((force - Vec3::new(0.5, 0.0, 1.0)).norm() < 1e-15); // F_T = μF_N
-/// assert_eq!(Law::Sliding.contact_force(hard, normal), (Mode::Slide, normal));
+/// assert_eq!(Law::Sliding.contact_force(hard, normal, Interface::NEW), (Mode::Slide, normal));
+///
+/// // A contact that slipped in its last tick sticks again only below the kinetic bound; adhesion raises both.
+/// let sticky = Law::StickSlip { friction: Friction { static_coefficient: 0.5, kinetic_coefficient: 0.2 } };
+/// let slipped = Interface { slipped: true, ..Interface::NEW };
+/// assert_eq!(sticky.contact_force(gentle, normal, Interface::NEW).0, Mode::Stick);
+/// assert_eq!(sticky.contact_force(gentle, normal, slipped).0, Mode::Slip);
+/// assert_eq!(sticky.contact_force(gentle, normal, Interface { adhesion_n: 0.5, ..slipped }).0, Mode::Stick);
 ///
 /// // The impulse that changes the velocity of a point of 2 kg by (1, 0, −1) m/s: its tangential part is bounded too.
 /// let response = Mat3::identity() / 2.0;
-/// let impulse = law.impulse(&response, Vec3::new(1.0, 0.0, -1.0), normal, 1e-3);
+/// let impulse = law.impulse(&response, Vec3::new(1.0, 0.0, -1.0), normal, 1e-3, Interface::NEW);
 /// assert_eq!((impulse.mode, impulse.fell_back), (Mode::Slip, false));
 /// assert!((impulse.value - Vec3::new(1.0, 0.0, -2.0)).norm() < 1e-15);
 /// ```
@@ -34,11 +41,60 @@ pub enum Law {
     Sticking,
     /// The contact sticks up to the Coulomb bound (5), and slides with friction beyond it.
     StickSlip {
-        /// Friction coefficient μ ≥ 0.
-        friction: f64,
+        /// Friction coefficients.
+        friction: Friction,
     },
     /// A custom contact law.
     Own(&'static dyn ContactLaw),
+}
+
+/// Coefficients of Coulomb friction, 0 ≤ μ_k ≤ μ_s.
+///
+/// ```
+/// use stickslip::contact::law::Friction;
+///
+/// // One number is both.
+/// assert_eq!(Friction::from(0.5), Friction { static_coefficient: 0.5, kinetic_coefficient: 0.5 });
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Friction {
+    /// Coefficient μ_s up to which a contact sticks that is new or stuck in the last tick.
+    pub static_coefficient: f64,
+    /// Coefficient μ_k of a slipping contact, below which it may stick again.
+    pub kinetic_coefficient: f64,
+}
+
+impl Friction {
+    /// Returns the friction of a single coefficient.
+    pub const fn single(coefficient: f64) -> Self {
+        Self { static_coefficient: coefficient, kinetic_coefficient: coefficient }
+    }
+
+    /// Returns the coefficient up to which a contact sticks.
+    fn bound(self, slipped: bool) -> f64 {
+        if slipped { self.kinetic_coefficient } else { self.static_coefficient }
+    }
+}
+
+impl From<f64> for Friction {
+    fn from(coefficient: f64) -> Self {
+        Self::single(coefficient)
+    }
+}
+
+/// State and adhesion of the touching surfaces, which decide the bound of friction beside the reaction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Interface {
+    /// Whether the contact slipped in its last tick.
+    pub slipped: bool,
+    /// Adhesion A ≥ 0, N: the tension that the contact bears, and an addition to the normal force in the bound of
+    /// friction, μ(F_N + A) (Derjaguin). May be infinite for a contact that never slips.
+    pub adhesion_n: f64,
+}
+
+impl Interface {
+    /// A new contact without adhesion.
+    pub const NEW: Self = Self { slipped: false, adhesion_n: 0.0 };
 }
 
 impl PartialEq for Law {
@@ -163,11 +219,12 @@ impl Mode {
 }
 
 impl Law {
-    /// Returns the force on the instrument, N, and the mode, for a reaction λ with F_N = λ·n̂ > 0.
+    /// Returns the force on the instrument, N, and the mode, for a reaction λ with F_N = λ·n̂ > −A.
     ///
-    /// (5) decides between sticking and slipping. Beyond that bound (28) holds: f̂ = F_N n̂ + μF_N t̂ with
-    /// t̂ = (λ − F_N n̂)/F_T. A contact with F_T = 0 never slips, so t̂ is never formed from zero.
-    pub fn contact_force(self, reaction: Vec3, normal: Vec3) -> (Mode, Vec3) {
+    /// (5) decides between sticking and slipping, with the bound μ(F_N + A). Beyond that bound (28) holds:
+    /// f̂ = F_N n̂ + μ_k(F_N + A) t̂ with t̂ = (λ − F_N n̂)/F_T. A contact with F_T = 0 never slips, so t̂ is never formed
+    /// from zero.
+    pub fn contact_force(self, reaction: Vec3, normal: Vec3, interface: Interface) -> (Mode, Vec3) {
         let normal_force = reaction.dot(&normal);
         match self {
             Law::Sliding => (Mode::Slide, normal * normal_force),
@@ -175,11 +232,12 @@ impl Law {
             Law::StickSlip { friction } => {
                 let tangential = reaction - normal * normal_force;
                 let tangential_force = tangential.norm();
-                let bound = friction * normal_force;
-                if tangential_force <= bound {
+                let pressed = normal_force + interface.adhesion_n;
+                if tangential_force <= friction.bound(interface.slipped) * pressed {
                     (Mode::Stick, reaction)
                 } else {
-                    (Mode::Slip, normal * normal_force + tangential * (bound / tangential_force))
+                    let kinetic = friction.kinetic_coefficient * pressed;
+                    (Mode::Slip, normal * normal_force + tangential * (kinetic / tangential_force))
                 }
             }
             Law::Own(law) => law.contact_force(reaction, normal),
@@ -209,16 +267,18 @@ pub struct Impulse {
 
 impl Law {
     /// Returns the impulse Λ that adds r to the contact point's velocity, as far as the law allows. The mesh responds
-    /// with GΛ, where G is any 3 × 3 matrix, and r·n̂ < 0. A tick lasts `tick_s`, s; only a custom law may depend on
-    /// it.
+    /// with GΛ, where G is any 3 × 3 matrix, and the contact is not under tension: n̂·r/(n̂·Gn̂) < Ah. A tick lasts
+    /// `tick_s`, h, s.
     ///
-    /// Sticking: Λ = G⁻¹r. Sliding: Λ = n̂(n̂·r)/(n̂·Gn̂). Beyond |Λ_T| = μ|Λ_N|: Λ = a(−n̂ + μt̂) with t̂ = Λ_T/|Λ_T|
-    /// and a = n̂·r / n̂·G(−n̂ + μt̂), so that the contact point follows along the normal. If G turns an impulse far
-    /// enough, Λ = G⁻¹r would pull (Λ·n̂ ≥ 0) or a is not positive: then no such Λ exists, and sliding is solved.
-    pub fn impulse(self, response: &Mat3, r: Vec3, normal: Vec3, tick_s: f64) -> Impulse {
+    /// Sticking: Λ = G⁻¹r. Sliding: Λ = n̂(n̂·r)/(n̂·Gn̂). Beyond |Λ_T| = μ(Ah − Λ·n̂): Λ = −an̂ + μ_k(a + Ah)t̂ with
+    /// t̂ = Λ_T/|Λ_T| and a = (n̂·r − μ_kAh n̂·Gt̂)/(n̂·G(−n̂ + μ_kt̂)), so that the contact point follows along the
+    /// normal. If G turns an impulse far enough, Λ = G⁻¹r would pull beyond the adhesion (Λ·n̂ ≥ Ah), or −a would: then no
+    /// such Λ exists, and sliding is solved.
+    pub fn impulse(self, response: &Mat3, r: Vec3, normal: Vec3, tick_s: f64, interface: Interface) -> Impulse {
         let along = |direction: Vec3| direction * (normal.dot(&r) / normal.dot(&(response * direction)));
         let slide = |fell_back| Impulse { mode: Mode::Slide, value: along(normal), fell_back };
-        let hold = || response.try_inverse().map(|inverse| inverse * r).filter(|held| !(held.dot(&normal) >= 0.0));
+        let adhesion = interface.adhesion_n * tick_s;
+        let hold = || response.try_inverse().map(|inverse| inverse * r).filter(|held| !(held.dot(&normal) >= adhesion));
         let stick = |value| Impulse { mode: Mode::Stick, value, fell_back: false };
         match self {
             Law::Sliding => slide(false),
@@ -228,11 +288,14 @@ impl Law {
                 let normal_impulse = held.dot(&normal);
                 let tangential = held - normal * normal_impulse;
                 let tangential_impulse = tangential.norm();
-                if tangential_impulse <= friction * normal_impulse.abs() {
+                if tangential_impulse <= friction.bound(interface.slipped) * (adhesion - normal_impulse) {
                     return stick(held);
                 }
-                let value = along(tangential * (friction / tangential_impulse) - normal);
-                if value.dot(&normal) >= 0.0 {
+                let friction = tangential * (friction.kinetic_coefficient / tangential_impulse);
+                let beyond = normal.dot(&r) - adhesion * normal.dot(&(response * friction));
+                let push = beyond / normal.dot(&(response * (friction - normal)));
+                let value = (friction - normal) * push + friction * adhesion;
+                if value.dot(&normal) >= adhesion {
                     slide(true)
                 } else {
                     Impulse { mode: Mode::Slip, value, fell_back: false }

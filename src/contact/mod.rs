@@ -5,6 +5,7 @@ pub mod collision;
 pub mod law;
 pub mod limit_surface;
 pub mod literal;
+pub mod massless;
 pub mod nearest;
 pub mod renderer;
 pub mod report;

@@ -55,8 +55,12 @@ pub enum Scheme {
         /// Inner product of P and Q.
         metric: Metric,
     },
-    /// An impulse makes the contact point follow the tip. Momentum and energy are balanced.
+    /// An impulse makes the contact point follow the tip, and the instrument feels all of it. Momentum and energy are
+    /// balanced; the mass under the tip is felt as an impact of m_c v/h, which grows without bound with the rate.
     Velocity,
+    /// The contact point follows the tip as under [`Velocity`](Self::Velocity), but the instrument feels the internal
+    /// forces alone, not the inertia of the contact point. The force converges as the tick becomes shorter.
+    Massless,
 }
 
 impl Default for Scheme {
@@ -71,7 +75,7 @@ impl Scheme {
     pub fn metric(self) -> Metric {
         match self {
             Scheme::Geometric { metric, .. } => metric,
-            Scheme::Velocity => Metric::Mass,
+            Scheme::Velocity | Scheme::Massless => Metric::Mass,
         }
     }
 
@@ -81,7 +85,16 @@ impl Scheme {
     pub fn overwrite_metric(self) -> Metric {
         match self {
             Scheme::Geometric { metric, .. } => metric,
-            Scheme::Velocity => Metric::Euclidean,
+            Scheme::Velocity | Scheme::Massless => Metric::Euclidean,
+        }
+    }
+
+    /// Whether the scheme constrains velocities by an impulse, which every integrator takes. The geometric scheme moves
+    /// the mesh, which only the explicit one does.
+    pub fn is_impulsive(self) -> bool {
+        match self {
+            Scheme::Geometric { .. } => false,
+            Scheme::Velocity | Scheme::Massless => true,
         }
     }
 }
@@ -93,6 +106,8 @@ pub struct ContactRules {
     pub law: Law,
     /// The scheme by which the law acts on the mesh.
     pub scheme: Scheme,
+    /// Adhesion A ≥ 0, N: a contact is under tension only where F_N ≤ −A. Infinite for a contact that never ends.
+    pub adhesion_n: f64,
     /// Stiffness and damping of rigid ground.
     pub wall: Wall,
 }

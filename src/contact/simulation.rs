@@ -1,6 +1,7 @@
 //! The local side between ticks: the model in use, its state, and the contact.
 
 use super::collision::{Hits, START_TOLERANCE};
+use super::massless::{ContactEnergy, Held, MasslessMemory};
 use super::renderer::{MovedNodes, RendererFault, RendererModel};
 use super::rules::{ContactRules, Scheme};
 use super::shape::{Shape, Visited};
@@ -52,6 +53,12 @@ pub struct LocalSimulation {
     /// Λ·(the contact point's gap to the tip at the tick's end, before it is closed)/h of the last tick, J, where the
     /// model has a linear step.
     pub(super) work_left: f64,
+    /// What the massless scheme knows of the contact.
+    pub(super) massless: MasslessMemory,
+    /// Velocity of the tip at the end of the next tick as the instrument estimates it, m/s, if it does.
+    pub(super) tip_velocity: Option<Vec3>,
+    /// Whether `state.f` holds the forces of the present state, so that the next tick need not evaluate them.
+    pub(super) forces_are_current: bool,
     /// The model of a custom renderer, which then renders the ticks.
     pub(super) renderer: Option<Box<dyn RendererModel>>,
     /// Reason why that renderer cannot go on.
@@ -75,6 +82,9 @@ impl LocalSimulation {
             visited: Visited::new(triangles),
             hits: Hits::new(triangles),
             work_left: 0.0,
+            massless: MasslessMemory::default(),
+            tip_velocity: None,
+            forces_are_current: false,
             renderer: None,
             renderer_fault: None,
         }
@@ -97,6 +107,7 @@ impl LocalSimulation {
         state.carry_over(&model.patch, &self.state, &self.model.patch);
         self.latency = latency;
         self.age = 0;
+        self.forces_are_current = false;
         let before = (std::mem::replace(&mut self.model, model), std::mem::replace(&mut self.state, state));
         if self.contact.is_none() && self.shape().signed_distance(tip) < -START_TOLERANCE {
             self.contact = self.shape().nearest(tip).map(|point| Contact { point, state: ContactState::Tension });
@@ -111,6 +122,23 @@ impl LocalSimulation {
             new.take_over(old.as_mut());
         }
         std::mem::replace(&mut self.renderer, renderer)
+    }
+
+    /// Tells the next tick the instrument's estimate of the tip's velocity at its end, m/s. The massless scheme moves the
+    /// contact point at that velocity; `None` derives it from the tip's displacement, which encoders quantise.
+    pub fn set_tip_velocity(&mut self, estimate: Option<Vec3>) {
+        self.tip_velocity = estimate;
+    }
+
+    /// Returns the scheme by which the contact constrains the mesh.
+    pub fn scheme(&self) -> Scheme {
+        self.rules.scheme
+    }
+
+    /// Energy of the contact point that the massless scheme holds, and what it exchanged with the mesh; zero under the
+    /// other schemes.
+    pub fn contact_energy(&self) -> ContactEnergy {
+        self.massless.energy
     }
 
     /// Whether a custom renderer renders the ticks.
@@ -168,8 +196,8 @@ impl LocalSimulation {
         Shape { surface: &self.surface, model: &self.model, x: &self.state.x, elapsed: self.elapsed() }
     }
 
-    /// Energy lost in the velocity jump of the last tick, ½ Δvᵀ M Δv, J, under the velocity scheme. The geometric
-    /// scheme has no such term: it changes velocities in several places and does not satisfy an energy balance. A step
+    /// Energy lost in the velocity jump of the last tick, ½ Δvᵀ M Δv, J, under the velocity scheme; under the massless one
+    /// without the velocity that the contact holds. The geometric scheme has no such term: it changes velocities in several places and does not satisfy an energy balance. A step
     /// whose impulse acts over the whole tick has none either: it loses the work of Λ over the gap that the tick closes
     /// at its end.
     ///
@@ -191,11 +219,20 @@ impl LocalSimulation {
         match self.rules.scheme {
             Scheme::Geometric { .. } => 0.0,
             Scheme::Velocity if self.model.step.as_ref().is_some_and(|step| !step.dissipates()) => self.work_left,
+            Scheme::Massless if self.model.step.as_ref().is_some_and(|step| !step.dissipates()) => 0.0,
             // Prediction and state changed places: the predicted velocities are those before the tick.
-            Scheme::Velocity => {
+            Scheme::Velocity | Scheme::Massless => {
                 let velocities = self.state.v.iter().zip(&self.state.v_predicted);
                 let changes = self.model.patch.mass.iter().zip(velocities);
-                changes.map(|(mass, (now, before))| 0.5 * mass * (now - before).norm_squared()).sum()
+                let of_all: f64 = changes.map(|(mass, (now, before))| 0.5 * mass * (now - before).norm_squared()).sum();
+                // What the tip moves is no part of the mesh's own motion.
+                match self.massless.held {
+                    Held::Nothing => of_all,
+                    held => {
+                        let change = |v: &[Vec3]| self.support.velocity(v);
+                        of_all - held.kinetic(&self.support, change(&self.state.v) - change(&self.state.v_predicted))
+                    }
+                }
             }
         }
     }

@@ -2,22 +2,24 @@
 //!
 //! [`LocalSimulation::tick`] matches the scheme once; each scheme is one function that can be read top to bottom. The
 //! geometric scheme is the paper's hybrid of a deformation and a constraint force; the velocity scheme constrains the
-//! velocity alone. A tick allocates nothing, locks nothing and does no I/O.
+//! velocity alone; the massless scheme ([`super::massless`]) does so too, and does not let the instrument feel the
+//! inertia of the contact point. A tick allocates nothing, locks nothing and does no I/O.
 
 use super::collision::{Collision, first_collision};
-use super::law::{Impulse, Mode};
+use super::law::{Impulse, Interface, Mode};
 use super::limit_surface::MovingLimit;
+use super::massless::Held;
 use super::renderer::{MovedNodes, Rendered, RendererFault};
 use super::report::TickReport;
 use super::rules::{Deformation, RIGID_BELOW, Scheme, Wall};
 use super::shape::{Projection, Shape, Touch};
 use super::simulation::LocalSimulation;
 use super::state::{Contact, ContactState};
-use crate::Vec3;
 use crate::local::model::LocalState;
 use crate::model::state::snap_to_rest;
 use crate::surface::geometry::{ContactGeometry, ContactPoint};
 use crate::surface::support::Metric;
+use crate::{Mat3, Vec3};
 
 /// Result of step 2.
 enum Detected {
@@ -28,7 +30,7 @@ enum Detected {
 }
 
 /// What detection leaves for a scheme without a rewind.
-enum WholeTick {
+pub(super) enum WholeTick {
     /// A contact at the start of the tick, and the time of collision if it begins in this tick.
     Contact(Touch, Option<f64>),
     /// The tick is over: the tip is free, or the ground rigid.
@@ -43,6 +45,7 @@ impl LocalSimulation {
             Scheme::Geometric { deformation, metric } => self.geometric_tick(deformation, metric, q0, q1),
             Scheme::Velocity if self.model.step.is_some() => self.linear_step_tick(q0, q1),
             Scheme::Velocity => self.velocity_tick(q0, q1),
+            Scheme::Massless => self.massless_tick(q0, q1),
         };
         self.age += 1;
         snap_to_rest(&mut self.state.v[..self.model.patch.len()]);
@@ -77,12 +80,12 @@ impl LocalSimulation {
         // 4. Force.
         let reaction = self.support.reaction(&self.state.f);
         // A NaN reaction is no tension: it goes on to the fail-safe.
-        if reaction.dot(&touch.normal) <= 0.0 {
+        if reaction.dot(&touch.normal) <= -self.rules.adhesion_n {
             return self.keep_under_tension(point, collision_time);
         }
 
         // 5. Law and velocity; 6. move.
-        let (mode, force) = self.rules.law.contact_force(reaction, touch.normal);
+        let (mode, force) = self.rules.law.contact_force(reaction, touch.normal, self.interface());
         self.constrain_and_move(mode, touch.normal, force, rest);
         self.keep(TickReport { collision_time, ..TickReport::touching(mode, force, touch) })
     }
@@ -102,13 +105,13 @@ impl LocalSimulation {
         // 4. Force: −Λ/h with the impulse Λ = G⁻¹r on the mesh, G = WM⁻¹Wᵀ, r = (q₁ − p)/h − W v*.
         let r = (q1 - touch.position) / self.tick_s - self.support.velocity(&self.state.v_predicted);
         let reaction = r * (-1.0 / (self.support.scale() * self.tick_s));
-        if reaction.dot(&touch.normal) <= 0.0 {
+        if reaction.dot(&touch.normal) <= -self.rules.adhesion_n {
             return self.keep_under_tension(touch.point, collision_time);
         }
 
         // 5. Law. G is a multiple of the identity, so the law turns G⁻¹r into n̂(n̂·r)/(n̂·Gn̂), and into a(−n̂ + μt̂)
         // beyond the Coulomb bound. Velocity: v ← v* + M⁻¹WᵀΛ.
-        let (mode, force) = self.rules.law.contact_force(reaction, touch.normal);
+        let (mode, force) = self.rules.law.contact_force(reaction, touch.normal, self.interface());
         let LocalState { x, v, v_predicted, .. } = &mut self.state;
         self.support.push(force * -self.tick_s, v_predicted);
         std::mem::swap(v, v_predicted);
@@ -131,10 +134,7 @@ impl LocalSimulation {
     fn linear_step_tick(&mut self, q0: Vec3, q1: Vec3) -> TickReport {
         // 1. Predict.
         self.work_left = 0.0;
-        let elapsed = self.elapsed();
-        if let Some(step) = &self.model.step {
-            self.model.predict(step, elapsed, &mut self.state);
-        }
+        self.predict_linear_step();
 
         // 2. Detect.
         let (touch, collision_time) = match self.touch_of_whole_tick(q0, q1) {
@@ -143,37 +143,71 @@ impl LocalSimulation {
         };
 
         // 4. and 5. Force and law.
-        let Self { model, state, support, tick_s: h, .. } = self;
-        let LocalState { x, v_predicted, x_predicted, response, .. } = state;
-        let (n, way) = (touch.normal, q1 - touch.position);
-        let r = way / *h - support.velocity(v_predicted);
-        // NaN is no tension: it goes on to the fail-safe.
-        let impulse = model.step.as_ref().filter(|_| !(r.dot(&n) >= 0.0)).map(|step| {
-            step.respond(support, response);
-            let [g, gx] = response.at_contact(support);
-            (self.rules.law.impulse(&g, r, n, *h), gx)
-        });
+        let (n, way, h) = (touch.normal, q1 - touch.position, self.tick_s);
+        let r = way / h - self.support.velocity(&self.state.v_predicted);
+        let adhesion = self.rules.adhesion_n * h;
+        // Without adhesion the sign of r·n̂ decides; otherwise the push that it takes does. NaN is no tension: it goes on to
+        // the fail-safe.
+        if adhesion == 0.0 && r.dot(&n) >= 0.0 {
+            return self.keep_under_tension(touch.point, collision_time);
+        }
+        let [g, gx] = self.respond();
+        if r.dot(&n) >= adhesion * n.dot(&(g * n)) {
+            return self.keep_under_tension(touch.point, collision_time);
+        }
+        let Impulse { mode, value, fell_back } = self.rules.law.impulse(&g, r, n, h, self.interface());
         // An exact step whose modes turn within the tick may respond to a push in the opposite direction: then nothing
         // can be pushed.
-        let Some((Impulse { mode, value, fell_back }, gx)) = impulse.filter(|(push, _)| !(push.value.dot(&n) >= 0.0))
-        else {
+        if value.dot(&n) >= adhesion {
             return self.keep_under_tension(touch.point, collision_time);
-        };
+        }
 
         // 6. Move, and close the gap between the contact point and the tip.
-        let left = way - (support.velocity(x_predicted) - support.velocity(x)) - gx * value;
-        let (left, closing) = match mode {
-            Mode::Stick => (left, gx.try_inverse().map_or(Vec3::zeros(), |inverse| inverse * left)),
-            Mode::Slide | Mode::Slip | Mode::Free => {
+        let held = if mode == Mode::Stick { Held::Point } else { Held::Normal(n) };
+        let left = self.move_by_linear_step(held, value, &gx, way);
+        self.work_left = value.dot(&left) / h;
+        let force = value * (-1.0 / h);
+        self.keep(TickReport { collision_time, fell_back, ..TickReport::touching(mode, force, touch) })
+    }
+
+    /// Step 1 of a model that one linear step integrates: x* and v* of a free tick.
+    pub(super) fn predict_linear_step(&mut self) {
+        let elapsed = self.elapsed();
+        if let Some(step) = &self.model.step {
+            self.model.predict(step, elapsed, &mut self.state);
+        }
+    }
+
+    /// Response of a linear step to an impulse at the contact: G = WA⁻¹Wᵀ, 1/kg, and WXWᵀ, s/kg.
+    pub(super) fn respond(&mut self) -> [Mat3; 2] {
+        if let Some(step) = &self.model.step {
+            step.respond(&self.support, &mut self.state.response);
+        }
+        self.state.response.at_contact(&self.support)
+    }
+
+    /// Moves the patch by a linear step and an impulse, N·s, and closes the gap that is left between the contact point and
+    /// the tip along the held directions. `way` leads from the contact point to the tip, m. Returns that gap, m.
+    pub(super) fn move_by_linear_step(&mut self, held: Held, impulse: Vec3, gx: &Mat3, way: Vec3) -> Vec3 {
+        let LocalState { x, v_predicted, x_predicted, response, .. } = &mut self.state;
+        let left = way - (self.support.velocity(x_predicted) - self.support.velocity(x)) - gx * impulse;
+        let (left, closing) = match held {
+            Held::Nothing => (Vec3::zeros(), Vec3::zeros()),
+            Held::Point => (left, gx.try_inverse().map_or(Vec3::zeros(), |inverse| inverse * left)),
+            Held::Normal(n) => {
                 let left = n.dot(&left);
                 (n * left, n * (left / n.dot(&(gx * n))))
             }
         };
-        response.push([value + closing, value], x_predicted, v_predicted);
-        self.work_left = value.dot(&left) / *h;
+        response.push([impulse + closing, impulse], x_predicted, v_predicted);
         self.accept_prediction();
-        let force = value * (-1.0 / self.tick_s);
-        self.keep(TickReport { collision_time, fell_back, ..TickReport::touching(mode, force, touch) })
+        left
+    }
+
+    /// State and adhesion of the touching surfaces, as the bound of friction needs them.
+    fn interface(&self) -> Interface {
+        let slipped = self.contact.is_some_and(|contact| contact.state == ContactState::Slip);
+        Interface { slipped, adhesion_n: self.rules.adhesion_n }
     }
 
     /// A tick of a custom renderer. Checks that the contact point it reports lies on the surface.
@@ -214,7 +248,7 @@ impl LocalSimulation {
     }
 
     /// Step 1 (11): v* = v + h M⁻¹f, x* = x + h v*.
-    fn predict(&mut self) {
+    pub(super) fn predict(&mut self) {
         let LocalState { x, v, f, x_predicted, v_predicted, .. } = &mut self.state;
         for (i, inverse_mass) in self.model.patch.inverse_mass.iter().enumerate() {
             v_predicted[i] = v[i] + f[i] * (self.tick_s * inverse_mass);
@@ -268,7 +302,7 @@ impl LocalSimulation {
 
     /// Steps 1 and 2 of a scheme without a rewind: returns the contact at the start of the tick, or the report of a
     /// tick that is already over because the tip is free or the ground rigid.
-    fn touch_of_whole_tick(&mut self, q0: Vec3, q1: Vec3) -> WholeTick {
+    pub(super) fn touch_of_whole_tick(&mut self, q0: Vec3, q1: Vec3) -> WholeTick {
         let (point, collision_time) = match self.detect(q0, q1) {
             None => return WholeTick::Over(self.release()),
             Some(Detected::Contact(point)) => (point, None),

@@ -104,6 +104,11 @@ impl CoupledPhantom {
         Ok(tip)
     }
 
+    /// Returns the velocity of the tip that contact sees, m/s: the coupling's own, or that estimated from the encoders.
+    pub fn tip_velocity(&self) -> Vec3 {
+        self.coupling.as_ref().map_or_else(|| self.phantom.estimated_tip_velocity(), VirtualCoupling::tip_velocity)
+    }
+
     /// Turns a contact force, N, into a command before the device's limits. A coupling replaces the force by its own;
     /// passivity control damps it along the displacement since the last command. A force that is not finite becomes
     /// zero.

@@ -131,6 +131,11 @@ impl VirtualCoupling {
         self.tip
     }
 
+    /// Returns the velocity of the tip that contact sees, m/s.
+    pub fn tip_velocity(&self) -> Vec3 {
+        self.velocity
+    }
+
     /// Returns the force on the device, −(k(q − x) + b(q̇ − ẋ)) with q measured and x simulated, N.
     pub fn force(&self) -> Vec3 {
         let CouplingSettings { stiffness, damping, .. } = self.settings;

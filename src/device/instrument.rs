@@ -73,6 +73,13 @@ pub trait Instrument: DynClone + fmt::Debug + Send {
     /// If the instrument fails; the fault ends the run.
     fn sense(&mut self, begin_s: f64, end_s: f64, contact_force: &Vec3) -> Result<Vec3, InstrumentFault>;
 
+    /// Returns the instrument's estimate of the tip's velocity at the end of the last [`sense`](Self::sense), m/s. By
+    /// default there is none, and contact derives it from the tip's displacement over the tick. Encoders quantise that:
+    /// the dampers under a tip at rest then feel a count over a tick.
+    fn tip_velocity(&self) -> Option<Vec3> {
+        None
+    }
+
     /// Takes the contact force, N. Returns the commanded force before device limits, N.
     fn command(&mut self, contact_force: &Vec3) -> Vec3;
 
@@ -162,6 +169,15 @@ impl InstrumentInUse {
                 let tip = instrument.sense(begin_s, end_s, contact_force)?;
                 if tip.iter().all(|c| c.is_finite()) { Ok(tip) } else { Err(InstrumentFault("its tip is not finite"))? }
             }
+        }
+    }
+
+    /// Returns the estimate of the tip's velocity, m/s, as [`Instrument::tip_velocity`] does.
+    pub fn tip_velocity(&self) -> Option<Vec3> {
+        match self {
+            Self::Path(_) => None,
+            Self::Phantom(phantom) => Some(phantom.tip_velocity()),
+            Self::Own(instrument) => instrument.tip_velocity(),
         }
     }
 

@@ -10,6 +10,7 @@ use serde::Deserialize;
 use thiserror::Error;
 
 use crate::Vec3;
+use crate::word::words;
 
 /// A waypoint: a tip position at a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,8 +21,50 @@ pub struct Waypoint {
     pub position: Vec3,
 }
 
-/// A path through waypoints, linear between them and at rest before and after, whatever the force. Times ascend; there
-/// is at least one waypoint.
+/// Motion between two waypoints.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Interpolation {
+    /// Constant velocity. It jumps at a waypoint, which contact feels as an impact of the path's own.
+    #[default]
+    Linear,
+    /// Minimum jerk: the share 10τ³ − 15τ⁴ + 6τ⁵ of the way, at rest and without acceleration at every waypoint (Flash &
+    /// Hogan 1985, *J. Neurosci.* 5(7)).
+    MinimumJerk,
+}
+
+words!(Interpolation { Linear = "linear", MinimumJerk = "minimum-jerk" });
+
+impl Interpolation {
+    /// Share of the way at a share τ of the time.
+    fn share(self, t: f64) -> f64 {
+        match self {
+            Interpolation::Linear => t,
+            Interpolation::MinimumJerk => t * t * t * (10.0 + t * (6.0 * t - 15.0)),
+        }
+    }
+
+    /// Derivative of [`share`](Self::share).
+    fn rate(self, t: f64) -> f64 {
+        match self {
+            Interpolation::Linear => 1.0,
+            Interpolation::MinimumJerk => 30.0 * (t * (1.0 - t)).powi(2),
+        }
+    }
+}
+
+/// A path through waypoints, at rest before and after, whatever the force. Times ascend; there is at least one waypoint.
+///
+/// ```
+/// use stickslip::{Vec3, device::path::{Interpolation, TipPath, Waypoint}};
+///
+/// let ends = [(0.0, 0.0), (1.0, 0.01)].map(|(time, x)| Waypoint { time, position: Vec3::x() * x });
+/// let smooth = TipPath::new(ends.to_vec())?.with_interpolation(Interpolation::MinimumJerk);
+/// assert_eq!(smooth.at(0.5).x, 0.005);
+/// assert!(smooth.at(0.01).x < 1e-7); // it starts without a jump of velocity or acceleration
+/// assert!((smooth.velocity_at(0.5).x - 0.01875).abs() < 1e-15); // 15/8 of the mean
+/// assert_eq!(smooth.top_speed(), smooth.velocity_at(0.5).x);
+/// # Ok::<(), stickslip::device::path::PathError>(())
+/// ```
 ///
 /// ```
 /// use stickslip::{Vec3, device::path::{PathError, TipPath, Waypoint}};
@@ -40,6 +83,7 @@ pub struct Waypoint {
 #[derive(Debug, Clone, PartialEq)]
 pub struct TipPath {
     waypoints: Vec<Waypoint>,
+    interpolation: Interpolation,
 }
 
 /// What is wrong with a path.
@@ -115,7 +159,12 @@ impl TipPath {
                 return Err(PathError::NotAscending { index, time: pair[1].time, before: pair[0].time });
             }
         }
-        Ok(Self { waypoints })
+        Ok(Self { waypoints, interpolation: Interpolation::Linear })
+    }
+
+    /// Returns the path through the same waypoints with another motion between them.
+    pub fn with_interpolation(self, interpolation: Interpolation) -> Self {
+        Self { interpolation, ..self }
     }
 
     /// Reads a recording: CSV with the header `t,x,y,z`, in s and m.
@@ -176,7 +225,7 @@ impl TipPath {
         match self.around(time) {
             (Some(before), Some(after)) => {
                 let fraction = (time - before.time) / (after.time - before.time);
-                before.position + (after.position - before.position) * fraction
+                before.position + (after.position - before.position) * self.interpolation.share(fraction)
             }
             (Some(only), None) => only.position,
             (None, Some(only)) => only.position,
@@ -187,7 +236,11 @@ impl TipPath {
     /// Returns the velocity at a time, m/s; at a waypoint, that of the segment after it.
     pub fn velocity_at(&self, time: f64) -> Vec3 {
         match self.around(time) {
-            (Some(before), Some(after)) => (after.position - before.position) / (after.time - before.time),
+            (Some(before), Some(after)) => {
+                let duration = after.time - before.time;
+                let rate = self.interpolation.rate((time - before.time) / duration);
+                (after.position - before.position) / duration * rate
+            }
             _ => Vec3::zeros(),
         }
     }
@@ -202,7 +255,7 @@ impl TipPath {
     pub fn transformed(&self, slower: f64, to: impl Fn(Vec3) -> Vec3) -> Self {
         let waypoints = self.waypoints.iter();
         let waypoint = |w: &Waypoint| Waypoint { time: w.time * slower, position: to(w.position) };
-        Self { waypoints: waypoints.map(waypoint).collect() }
+        Self { waypoints: waypoints.map(waypoint).collect(), interpolation: self.interpolation }
     }
 
     /// Returns the largest speed of the tip, m/s.
@@ -211,6 +264,7 @@ impl TipPath {
             .windows(2)
             .map(|pair| (pair[1].position - pair[0].position).norm() / (pair[1].time - pair[0].time))
             .fold(0.0, f64::max)
+            * self.interpolation.rate(0.5)
     }
 }
 

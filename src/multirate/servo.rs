@@ -203,6 +203,7 @@ impl Servo {
     /// # Errors
     /// If the fail-safe finds a fault; zero is commanded then.
     pub fn compute(&mut self, tip: Vec3) -> Result<TickReport, Fault> {
+        self.local.set_tip_velocity(self.instrument.tip_velocity());
         let report = self.local.tick(self.tip, tip);
         match self.failsafe.command(self.tick, tip, &self.local, &report) {
             Ok(_) => Ok(report),

@@ -30,10 +30,11 @@ pub struct ContactMeasures {
     contact_losses: u64,
     mode_switches: u64,
     jump: ForceJump,
+    jump_at_ends: ForceJump,
     tunnelling_ticks: u64,
 }
 
-/// Largest change of the commanded force between two ticks in contact.
+/// Largest change of the commanded force between two ticks.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ForceJump {
     /// Magnitude of the change, N; NaN from the first force on that is not a number.
@@ -52,15 +53,18 @@ impl ContactMeasures {
     fn follow(&mut self, tick: u64, mode: Mode, force: Vec3) {
         let Some((last_mode, last_force)) = self.last.replace((mode, force)) else { return };
         self.mode_switches += u64::from(mode != last_mode);
-        match (last_mode, mode) {
-            (Mode::Free, _) => {}
-            (_, Mode::Free) => self.contact_losses += 1,
-            _ => {
-                let newtons = (force - last_force).norm();
-                if !(newtons <= self.jump.newtons || self.jump.newtons.is_nan()) {
-                    self.jump = ForceJump { newtons, tick: Some(tick) };
-                }
+        let jump = match (last_mode, mode) {
+            (Mode::Free, Mode::Free) => return,
+            (Mode::Free, _) => &mut self.jump_at_ends,
+            (_, Mode::Free) => {
+                self.contact_losses += 1;
+                &mut self.jump_at_ends
             }
+            _ => &mut self.jump,
+        };
+        let newtons = (force - last_force).norm();
+        if !(newtons <= jump.newtons || jump.newtons.is_nan()) {
+            *jump = ForceJump { newtons, tick: Some(tick) };
         }
     }
 
@@ -79,6 +83,11 @@ impl ContactMeasures {
     /// count as no jump.
     pub fn largest_force_jump(&self) -> ForceJump {
         self.jump
+    }
+
+    /// Largest change of the commanded force in a tick in which contact begins or ends.
+    pub fn largest_force_jump_at_ends(&self) -> ForceJump {
+        self.jump_at_ends
     }
 
     /// Number of ticks that [tunnel](is_tunnelling).
@@ -112,6 +121,7 @@ mod tests {
             measures(&[(Free, 0.0), (Stick, 9.0), (Slide, 0.0), (Slip, 2.0), (Free, 0.0), (Slip, 20.0), (Slip, 22.0)]);
         assert_eq!((run.contact_losses(), run.mode_switches()), (1, 5));
         assert_eq!(run.largest_force_jump(), ForceJump { newtons: 9.0, tick: Some(2) });
+        assert_eq!(run.largest_force_jump_at_ends(), ForceJump { newtons: 20.0, tick: Some(5) });
         assert_eq!(measures(&[(Slip, 1.0)]).largest_force_jump(), ForceJump::default());
     }
 

@@ -66,6 +66,9 @@ pub struct Recorder {
     patch_exits: u64,
     fallback_ticks: u64,
     energy: EnergySummary,
+    /// Ticks in which friction helped the tip along, and its energy, J.
+    friction_assist: (u64, f64),
+    contact_energy_created_j: f64,
     work: WorkCounts,
     condensation: Option<CondensationCounts>,
     timing: Option<Lateness>,
@@ -186,7 +189,11 @@ pub struct EnergySummary {
     pub friction_loss_j: f64,
     /// Energy dissipated by impacts under the velocity scheme, J.
     pub impact_loss_j: f64,
-    /// Energy residual, work − stored − dissipated, J. Scheme and exterior generate energy if it is negative.
+    /// Kinetic energy of the contact point that the massless scheme holds, J.
+    pub contact_kinetic_j: f64,
+    /// Energy that the mesh received from that contact point without work of the instrument, J.
+    pub contact_exchange_j: f64,
+    /// Energy residual, work + contact_kinetic + contact_exchange − stored − dissipated, J. Scheme and exterior generate energy if it is negative.
     pub residual_j: f64,
     /// Energy residual over Σ |f·Δq|; 0 without work.
     pub residual_relative: f64,
@@ -244,6 +251,15 @@ pub struct Summary {
     pub largest_force_jump_n: f64,
     /// Tick of the largest force jump; absent if the force never changed in contact.
     pub largest_force_jump_tick: Option<u64>,
+    /// Largest force jump where contact begins or ends, N.
+    pub largest_force_jump_at_ends_n: f64,
+    /// Ticks in which friction pushed the tip along its motion over the surface.
+    pub friction_assist_ticks: u64,
+    /// Energy that friction gave to the instrument in those ticks, J.
+    pub friction_assist_j: f64,
+    /// Energy that the massless scheme left in the mesh without anybody paying for it, J: the sum of the positive changes
+    /// of `contact_exchange`. Zero under the other schemes.
+    pub contact_energy_created_j: f64,
     /// Mode switches per second of simulated time, 1/s.
     pub mode_switches_per_s: f64,
     /// Mean square of the force above 100 Hz, N².
@@ -284,6 +300,8 @@ impl Recorder {
         self.work = view.work;
         self.condensation = view.condensation;
         let energy = view.energy;
+        self.friction_assist = (energy.friction_assist_ticks, energy.friction_assist);
+        self.contact_energy_created_j = energy.contact.created;
         let residual = energy.residual();
         self.energy = EnergySummary {
             work_j: energy.work,
@@ -292,6 +310,8 @@ impl Recorder {
             damping_loss_j: energy.damping_loss,
             friction_loss_j: energy.friction_loss,
             impact_loss_j: energy.impact_loss,
+            contact_kinetic_j: energy.contact.kinetic,
+            contact_exchange_j: energy.contact.exchanged,
             residual_j: residual,
             residual_relative: if energy.absolute_work > 0.0 { residual / energy.absolute_work } else { 0.0 },
         };
@@ -345,6 +365,10 @@ impl Recorder {
             largest_tangential_force_n: largest(|sample| sample.tangential_force),
             largest_force_jump_n: jump.newtons,
             largest_force_jump_tick: jump.tick,
+            largest_force_jump_at_ends_n: contact.largest_force_jump_at_ends().newtons,
+            friction_assist_ticks: self.friction_assist.0,
+            friction_assist_j: self.friction_assist.1,
+            contact_energy_created_j: self.contact_energy_created_j,
             mode_switches_per_s: if time > 0.0 { contact.mode_switches() as f64 / time } else { 0.0 },
             force_power_above_100_hz_n2: power_above(&forces, scene.local_rate_hz(), RIPPLE_HZ),
             energy: self.energy,

@@ -2,11 +2,13 @@
 
 use serde::Serialize;
 
+use crate::contact::rules::Scheme;
 use crate::pipeline::TickView;
 use crate::surface::geometry::ContactPoint;
 
 /// A row of the trace. Floats are written in the shortest form that reads back to the same bits. The contact columns
-/// describe the located contact and are empty in free ticks. The device columns are empty without a modelled device.
+/// describe the located contact and are empty in free ticks. The device columns are empty without a modelled device, the
+/// last two under other schemes than the massless one.
 ///
 /// ```
 /// use stickslip::{output::trace::TraceRow, pipeline, scene::Scene};
@@ -61,6 +63,8 @@ pub struct TraceRow {
     contact_fy: Option<f64>,
     contact_fz: Option<f64>,
     hand_energy: Option<f64>,
+    contact_kinetic: Option<f64>,
+    contact_exchange: Option<f64>,
 }
 
 impl TraceRow {
@@ -70,6 +74,8 @@ impl TraceRow {
         let weight = |i: usize| report.touch.map(|touch| touch.point.weights[i]);
         let device = |i: usize| view.device.map(|device| device.tip[i]);
         let contact = |i: usize| view.device.map(|_| report.force[i]);
+        let is_massless = view.local.scheme() == Scheme::Massless;
+        let held = |energy: f64| is_massless.then_some(energy);
         let normal = |i: usize| report.touch.map(|touch| touch.normal[i]);
         Self {
             tick: view.tick,
@@ -109,6 +115,8 @@ impl TraceRow {
             contact_fy: contact(1),
             contact_fz: contact(2),
             hand_energy: view.device.map(|device| device.energy_to_hand_j),
+            contact_kinetic: held(view.energy.contact.kinetic),
+            contact_exchange: held(view.energy.contact.exchanged),
         }
     }
 }

@@ -45,7 +45,7 @@ impl Scene {
     ///
     /// // A cycle is a whole number of ticks, and friction is not negative.
     /// assert!(scene.clone().with_global_rate_hz(300.0).is_err());
-    /// let error = scene.with_law(Law::StickSlip { friction: -1.0 }).check().expect_err("negative friction");
+    /// let error = scene.with_law(Law::StickSlip { friction: (-1.0).into() }).check().expect_err("negative friction");
     /// assert!(matches!(error.problem(), Problem::NotAccepted { key: "contact.friction", .. }));
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
@@ -70,7 +70,7 @@ impl Scene {
             global: GlobalSettings::default(),
             integrator: LocalIntegrator::default(),
             surface: ContactSurface::default(),
-            contact: ContactRules { law, scheme: Scheme::default(), wall: Wall::default() },
+            contact: ContactRules { law, scheme: Scheme::default(), adhesion_n: 0.0, wall: Wall::default() },
             instrument: InstrumentKind::Path,
             smoothing_ticks: 0,
             schedule: Schedule::default(),

@@ -4,8 +4,8 @@ use super::error::Problem;
 use super::memory::mesh_fits;
 use super::{MeshSource, Scene, Schedule};
 use crate::Vec3;
-use crate::contact::law::Law;
-use crate::contact::rules::{Scheme, Wall};
+use crate::contact::law::{Friction, Law};
+use crate::contact::rules::Wall;
 use crate::device::coupled::InstrumentError;
 use crate::device::coupled::{CoupledPhantom, CoupledSettings};
 use crate::device::coupling::CouplingError;
@@ -132,8 +132,8 @@ fn local_model(scene: &Scene) -> Checked {
         "`local.model = \"patch\"`"
     } else if local.linearization == Linearization::None {
         "`local.linearization = \"tangent\"`"
-    } else if scene.contact.scheme != Scheme::Velocity {
-        "`contact.scheme = \"velocity\"`"
+    } else if !scene.contact.scheme.is_impulsive() {
+        "`contact.scheme = \"massless\"` or `\"velocity\"`"
     } else {
         return Ok(());
     };
@@ -141,8 +141,21 @@ fn local_model(scene: &Scene) -> Checked {
 }
 
 fn contact(scene: &Scene) -> Checked {
-    if let Law::StickSlip { friction } = scene.contact.law {
-        non_negative("contact.friction", friction)?;
+    if let Law::StickSlip { friction: Friction { static_coefficient, kinetic_coefficient } } = scene.contact.law {
+        let [bound, slip] = match static_coefficient == kinetic_coefficient {
+            true => ["contact.friction"; 2],
+            false => ["contact.friction.static", "contact.friction.kinetic"],
+        };
+        non_negative(bound, static_coefficient)?;
+        non_negative(slip, kinetic_coefficient)?;
+        if !(kinetic_coefficient <= static_coefficient) {
+            let value = format!("{kinetic_coefficient}: above the static coefficient {static_coefficient}");
+            return Err(Problem::NotAccepted { key: slip, value });
+        }
+    }
+    let adhesion_n = scene.contact.adhesion_n;
+    if !(adhesion_n == f64::INFINITY && scene.contact.law == Law::Sticking) {
+        non_negative("contact.adhesion", adhesion_n)?;
     }
     let Wall { stiffness, damping } = scene.contact.wall;
     non_negative("contact.wall_stiffness", stiffness)?;

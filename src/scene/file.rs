@@ -4,6 +4,7 @@
 use super::Schedule;
 use super::words::*;
 use crate::contact::rules::Deformation;
+use crate::device::path::Interpolation;
 use crate::dynamics::integrators::GlobalIntegrator;
 use crate::local::condensation::FarField;
 use crate::local::step::LocalIntegrator;
@@ -118,7 +119,8 @@ pub struct LocalTable {
 #[serde(deny_unknown_fields)]
 pub struct ContactTable {
     pub law: LawName,
-    pub friction: Option<f64>,
+    pub friction: Option<FrictionValue>,
+    pub adhesion: Option<f64>,
     #[serde(default)]
     pub scheme: SchemeName,
     #[serde(default)]
@@ -129,6 +131,22 @@ pub struct ContactTable {
     pub wall_damping: Option<f64>,
 }
 
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(untagged, expecting = "expected a number or { static = …, kinetic = … }")]
+pub enum FrictionValue {
+    Single(f64),
+    Pair(FrictionPair),
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FrictionPair {
+    #[serde(rename = "static")]
+    pub static_coefficient: f64,
+    #[serde(rename = "kinetic")]
+    pub kinetic_coefficient: f64,
+}
+
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InstrumentTable {
@@ -136,6 +154,7 @@ pub struct InstrumentTable {
     pub kind: InstrumentName,
     pub waypoints: Option<Vec<Vec<f64>>>,
     pub file: Option<String>,
+    pub interpolation: Option<Interpolation>,
     pub smoothing_ticks: Option<u32>,
     pub passivity_control: Option<bool>,
     pub device: Option<DeviceTable>,

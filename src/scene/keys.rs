@@ -3,6 +3,7 @@
 use super::Schedule;
 use super::words::*;
 use crate::contact::rules::Deformation;
+use crate::device::path::Interpolation;
 use crate::dynamics::integrators::GlobalIntegrator;
 use crate::local::condensation::FarField;
 use crate::local::step::LocalIntegrator;
@@ -150,14 +151,27 @@ const KEYS: &[(&str, Accepts)] = &[
         "local.integrator",
         words!(
             LocalIntegrator,
-            "; all but the first only with `linearization = \"tangent\"` and `contact.scheme = \"velocity\"`"
+            "; all but the first only with `linearization = \"tangent\"` and `contact.scheme = \"velocity\"` or `\"massless\"`"
         ),
     ),
     ("contact", Text("a table with `law`")),
     ("contact.law", Words(&LawName::NAMES, || None, "")),
     (
         "contact.friction",
-        Text("a finite number of at least 0; required with `law = \"stick-slip\"`, only allowed there"),
+        Text(
+            "a finite number of at least 0, or { static, kinetic } with `static` at least `kinetic`; required with `law = \"stick-slip\"`, only allowed there",
+        ),
+    ),
+    (
+        "contact.friction.static",
+        Text("a finite number of at least `contact.friction.kinetic`: up to it a contact sticks"),
+    ),
+    ("contact.friction.kinetic", Text("a finite number of at least 0: that of a slipping contact")),
+    (
+        "contact.adhesion",
+        Text(
+            "a number of at least 0, in N (default 0): the tension that a contact bears; inf with `law = \"sticking\"`: it never ends",
+        ),
     ),
     ("contact.scheme", words!(SchemeName, "")),
     ("contact.surface", words!(ContactSurface, "")),
@@ -179,6 +193,7 @@ const KEYS: &[(&str, Accepts)] = &[
             "a CSV file with the header t,x,y,z, in s and m, with ascending t, relative to the scene; only with `kind = \"recording\"`",
         ),
     ),
+    ("instrument.interpolation", words!(Interpolation, ": between waypoints")),
     (
         "instrument.smoothing_ticks",
         Text(

@@ -67,10 +67,10 @@ impl Scene {
             sync => (sync == SyncMode::Replay, is("sync.mode", sync.name())),
         };
         let surface_is = is("contact.surface", self.surface.name());
-        let is_velocity = self.contact.scheme == Scheme::Velocity;
+        let is_impulsive = self.contact.scheme.is_impulsive();
         let scheme_is = is("contact.scheme", SchemeName::from(self.contact.scheme).name());
         let (weighted, metric_is) = match self.contact.scheme {
-            Scheme::Velocity => (true, scheme_is.clone()),
+            Scheme::Velocity | Scheme::Massless => (true, scheme_is.clone()),
             Scheme::Geometric { metric, .. } => (metric == Metric::Mass, is("contact.metric", metric.name())),
         };
         let schedule_is = is("run.schedule", self.schedule.name());
@@ -99,17 +99,17 @@ impl Scene {
             part("friction", matches!(self.contact.law, Law::StickSlip { .. }), law_is.clone()),
             part(
                 "sticking operator P",
-                !is_velocity && self.contact.law != Law::Sliding,
-                if is_velocity { scheme_is.clone() } else { law_is.clone() },
+                !is_impulsive && self.contact.law != Law::Sliding,
+                if is_impulsive { scheme_is.clone() } else { law_is.clone() },
             ),
             part(
                 "sliding operator Q",
-                !is_velocity && self.contact.law != Law::Sticking,
-                if is_velocity { scheme_is.clone() } else { law_is },
+                !is_impulsive && self.contact.law != Law::Sticking,
+                if is_impulsive { scheme_is.clone() } else { law_is },
             ),
             part("mass metric", weighted, metric_is),
-            part("deformation of the mesh to the tip", !is_velocity, scheme_is.clone()),
-            part("rewind to the time of collision", !is_velocity, scheme_is),
+            part("deformation of the mesh to the tip", !is_impulsive, scheme_is.clone()),
+            part("rewind to the time of collision", !is_impulsive, scheme_is),
             part("vertex normals", self.surface == ContactSurface::Shaded, surface_is.clone()),
             part("subdivision tables", self.surface == ContactSurface::Subdivision, surface_is),
             part(

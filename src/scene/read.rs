@@ -19,7 +19,7 @@ use super::keys::{accepted, known_words};
 use super::place::nearest;
 use super::words::{LawName, LocalModelName, SchemeName};
 use super::{DEFAULT_GLOBAL_RATE_HZ, DEFAULT_LOCAL_RATE_HZ, Scene, Schedule, check};
-use crate::contact::law::Law;
+use crate::contact::law::{Friction, Law};
 use crate::contact::rules::{ContactRules, Scheme, Wall};
 
 type Read<T = ()> = Result<T, Problem>;
@@ -118,7 +118,10 @@ fn contact(contact: &ContactTable) -> Read<ContactRules> {
         LawName::StickSlip => "",
     };
     let law = match (contact.law, contact.friction) {
-        (LawName::StickSlip, Some(friction)) => Law::StickSlip { friction },
+        (LawName::StickSlip, Some(FrictionValue::Single(friction))) => Law::StickSlip { friction: friction.into() },
+        (LawName::StickSlip, Some(FrictionValue::Pair(FrictionPair { static_coefficient, kinetic_coefficient }))) => {
+            Law::StickSlip { friction: Friction { static_coefficient, kinetic_coefficient } }
+        }
         (LawName::StickSlip, None) => return Err(Problem::Missing("contact.friction")),
         (LawName::Sliding, None) => Law::Sliding,
         (LawName::Sticking, None) => Law::Sticking,
@@ -130,6 +133,7 @@ fn contact(contact: &ContactTable) -> Read<ContactRules> {
     Ok(ContactRules {
         law,
         scheme: scheme(contact)?,
+        adhesion_n: contact.adhesion.unwrap_or(0.0),
         wall: Wall {
             stiffness: contact.wall_stiffness.unwrap_or(wall.stiffness),
             damping: contact.wall_damping.unwrap_or(wall.damping),
@@ -138,18 +142,19 @@ fn contact(contact: &ContactTable) -> Read<ContactRules> {
 }
 
 fn scheme(contact: &ContactTable) -> Read<Scheme> {
-    match contact.scheme {
-        SchemeName::Velocity => {
-            let because = "`contact.scheme = \"velocity\"`";
-            no_effect("contact.deformation", contact.deformation.is_some(), because)?;
-            no_effect("contact.metric", contact.metric.is_some(), because)?;
-            Ok(Scheme::Velocity)
+    let (scheme, because) = match contact.scheme {
+        SchemeName::Geometric => {
+            return Ok(Scheme::Geometric {
+                deformation: contact.deformation.unwrap_or_default(),
+                metric: contact.metric.unwrap_or_default(),
+            });
         }
-        SchemeName::Geometric => Ok(Scheme::Geometric {
-            deformation: contact.deformation.unwrap_or_default(),
-            metric: contact.metric.unwrap_or_default(),
-        }),
-    }
+        SchemeName::Velocity => (Scheme::Velocity, "`contact.scheme = \"velocity\"`"),
+        SchemeName::Massless => (Scheme::Massless, "`contact.scheme = \"massless\"`"),
+    };
+    no_effect("contact.deformation", contact.deformation.is_some(), because)?;
+    no_effect("contact.metric", contact.metric.is_some(), because)?;
+    Ok(scheme)
 }
 
 fn no_effect(key: &'static str, is_given: bool, because: &'static str) -> Read {

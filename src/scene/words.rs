@@ -122,15 +122,18 @@ pub enum SchemeName {
     Geometric,
     /// An impulse makes the contact point follow the tip.
     Velocity,
+    /// The same, without the inertia of the contact point in the force.
+    Massless,
 }
 
-words!(SchemeName { Geometric = "geometric", Velocity = "velocity" });
+words!(SchemeName { Geometric = "geometric", Velocity = "velocity", Massless = "massless" });
 
 impl From<Scheme> for SchemeName {
     fn from(scheme: Scheme) -> Self {
         match scheme {
             Scheme::Geometric { .. } => SchemeName::Geometric,
             Scheme::Velocity => SchemeName::Velocity,
+            Scheme::Massless => SchemeName::Massless,
         }
     }
 }

@@ -226,12 +226,14 @@ fn longest_stable(first: f64, mut stable: impl FnMut(f64) -> bool) -> Option<f64
     Some(if range[0] > SHORTEST.ln() { (0.5 * (range[0] + range[1])).exp() } else { 0.0 })
 }
 
-/// Returns the scene's scheme, or the velocity scheme where the integrator takes no other.
+/// Returns the scene's scheme, or the velocity scheme where the integrator does not take the geometric one.
 fn scheme(scene: &Scene, integrator: LocalIntegrator) -> Scheme {
     match integrator {
-        LocalIntegrator::SemiImplicitEuler => scene.contact.scheme,
-        LocalIntegrator::ImplicitEuler | LocalIntegrator::ImplicitMidpoint | LocalIntegrator::Exponential => {
+        LocalIntegrator::ImplicitEuler | LocalIntegrator::ImplicitMidpoint | LocalIntegrator::Exponential
+            if !scene.contact.scheme.is_impulsive() =>
+        {
             Scheme::Velocity
         }
+        _ => scene.contact.scheme,
     }
 }

@@ -10,6 +10,7 @@ pub mod dynamics;
 pub mod hand;
 pub mod kinematics;
 pub mod plant;
+pub mod velocity;
 pub mod wall;
 
 use std::fmt;
@@ -21,6 +22,7 @@ use self::dynamics::{JointSettings, LEAST_INERTIA};
 use self::hand::HandSettings;
 use self::kinematics::{FORE_LINK, PoseError, UPPER_LINK};
 use self::plant::{Plant, PlantState};
+use self::velocity::AdaptiveWindow;
 use super::path::TipPath;
 use crate::{Mat3, Vec3};
 
@@ -280,6 +282,9 @@ pub struct Phantom {
     tick_s: f64,
     /// Encoder readings at the end of the last tick, rad.
     measured: Vec3,
+    /// Joint rates estimated from the encoder readings, rad/s.
+    estimated_rates: Vec3,
+    window: AdaptiveWindow,
     /// Currents commanded to the amplifiers, A.
     command: Vec3,
     is_saturated: bool,
@@ -296,8 +301,11 @@ impl Phantom {
         settings.check(tick_s)?;
         let target = target.transformed(1.0, |point| settings.axes.point_to_device(&point));
         let angles = kinematics::inverse(&target.at(0.0)).map_err(|cause| DeviceError::Pose { time_s: 0.0, cause })?;
+        let measured = settings.actuation.encode(&angles);
         Ok(Self {
-            measured: settings.actuation.encode(&angles),
+            measured,
+            estimated_rates: Vec3::zeros(),
+            window: AdaptiveWindow::new(tick_s, settings.actuation.angle_step(), measured),
             plant: Plant { settings, target },
             state: PlantState::at_rest(angles),
             tick_s,
@@ -320,6 +328,7 @@ impl Phantom {
         kinematics::check(&state.angles).map_err(|cause| DeviceError::Pose { time_s, cause })?;
         self.state = state;
         self.measured = self.settings().actuation.encode(&state.angles);
+        self.estimated_rates = self.window.next(self.measured);
         Ok(self.measured_tip())
     }
 
@@ -339,6 +348,11 @@ impl Phantom {
     /// Returns the tip measured by the encoders at the end of the last tick, m.
     pub fn measured_tip(&self) -> Vec3 {
         self.settings().axes.point_to_scene(&kinematics::forward(&self.measured))
+    }
+
+    /// Returns the velocity of the tip as estimated from the encoders at the end of the last tick, m/s.
+    pub fn estimated_tip_velocity(&self) -> Vec3 {
+        self.settings().axes.rotation.tr_mul(&(kinematics::jacobian(&self.measured) * self.estimated_rates))
     }
 
     /// Returns the true tip position, m.

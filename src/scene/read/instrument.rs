@@ -15,6 +15,11 @@ use crate::scene::words::InstrumentName;
 use crate::{Mat3, Vec3};
 
 pub(super) fn instrument(table: &InstrumentTable, folder: &Path) -> Read<(InstrumentKind, TipPath)> {
+    let (kind, path) = kind_and_path(table, folder)?;
+    Ok((kind, path.with_interpolation(table.interpolation.unwrap_or_default())))
+}
+
+fn kind_and_path(table: &InstrumentTable, folder: &Path) -> Read<(InstrumentKind, TipPath)> {
     match table.kind {
         InstrumentName::Path => {
             let because = "`instrument.kind = \"path\"`";

@@ -118,7 +118,7 @@ pub fn grid(scene: &Scene, coverage: Coverage) -> Result<Grid, SceneError> {
                 touching,
             }));
         }
-        if touching.scheme == Scheme::Velocity {
+        if touching.scheme.is_impulsive() {
             let implicit = SOLVED.into_iter().flat_map(|integrator| {
                 let solved = locals.iter().filter(|local| is_solvable(local));
                 solved.map(move |&local| (integrator, local))

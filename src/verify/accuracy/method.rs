@@ -137,7 +137,7 @@ impl Method {
         }
         let (deformation, metric) = match self.touching.scheme {
             Scheme::Geometric { deformation, metric } => (Some(deformation.name()), Some(metric.name())),
-            Scheme::Velocity => (None, None),
+            Scheme::Velocity | Scheme::Massless => (None, None),
         };
         let model = if self.is_full { LocalModelName::Full } else { LocalModelName::Patch };
         Names {

@@ -82,7 +82,7 @@ impl Record {
         Self::every(scene, 1)
     }
 
-    /// Runs a scene and records one in `ticks` ticks. The geometric scheme's force is that of a state and is recorded at
+    /// Runs a scene and records one in `ticks` ticks. The geometric and the massless scheme's force is that of a state and is recorded at
     /// the end; the velocity scheme's is an impulse over a tick and is recorded as its mean.
     fn every(scene: &Scene, ticks: u32) -> Result<Self, SceneError> {
         let simulation = Simulation::prepare(scene)?;
@@ -103,7 +103,7 @@ impl Record {
             }
             let mean = std::mem::take(&mut impulse) / f64::from(ticks);
             let force = match scene.contact.scheme {
-                Scheme::Geometric { .. } => view.force,
+                Scheme::Geometric { .. } | Scheme::Massless => view.force,
                 Scheme::Velocity => mean,
             };
             let report = view.report;

@@ -41,7 +41,7 @@ impl Watch {
         Self {
             scheme: scene.contact.scheme,
             friction: match scene.contact.law {
-                Law::StickSlip { friction } => Some(friction),
+                Law::StickSlip { friction } => Some(friction.static_coefficient),
                 Law::Sliding | Law::Sticking | Law::Own(_) => None,
             },
             gravity: scene.material.gravity,

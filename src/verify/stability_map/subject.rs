@@ -107,7 +107,7 @@ impl ScaledMatrices {
             Scheme::Geometric { deformation: Deformation::LeastNorm, .. } => {
                 columns(&|slot, weight| root(3 * slot) * weight / square)
             }
-            Scheme::Velocity => DMatrix::zeros(dof, 3),
+            Scheme::Velocity | Scheme::Massless => DMatrix::zeros(dof, 3),
         };
         let response = match scheme.metric() {
             Metric::Euclidean => columns(&|slot, weight| root(3 * slot) * weight / square),
@@ -252,7 +252,7 @@ impl Subject {
         let [free, answer] = self.free_step(h)?;
         match (touching, self.rules.scheme) {
             (Touching::Free, _) => Some(free),
-            (Touching::Held, Scheme::Velocity) => self.held(&free, &answer),
+            (Touching::Held, Scheme::Velocity | Scheme::Massless) => self.held(&free, &answer),
             (Touching::Held, Scheme::Geometric { .. }) => Some(self.deformed(h)),
         }
     }
