@@ -9,8 +9,8 @@ use stickslip::device::path::{TipPath, Waypoint};
 use stickslip::device::phantom::{Phantom, PhantomSettings};
 use stickslip::multirate::timeline::{DeadlineOutcome, OverrunPolicy};
 use stickslip::{
-    Body, BodyState, ContactLaw, Instrument, InstrumentFault, Law, Mode, OwnParts, Rendered, Renderer, RendererFault,
-    RendererModel, Scene, Simulation, Vec3,
+    Body, BodyState, ContactLaw, Friction, Instrument, InstrumentFault, Interface, Law, Mode, OwnParts, Rendered,
+    Renderer, RendererFault, RendererModel, Scene, Simulation, Vec3,
 };
 
 struct Counting;
@@ -69,6 +69,8 @@ fn a_hundred_thousand_ticks_allocate_nothing() {
             ("faceted", "velocity", euler),
             ("subdivision", "velocity", midpoint),
             ("faceted", "velocity", exact),
+            ("subdivision", "massless", "rings = 1"),
+            ("faceted", "massless", midpoint),
         ] {
             let scene = Scene::parse(
                 &format!(
@@ -181,7 +183,7 @@ fn a_servo_tick_with_own_parts_allocates_nothing() {
     struct Coulomb;
     impl ContactLaw for Coulomb {
         fn contact_force(&self, reaction: Vec3, normal: Vec3) -> (Mode, Vec3) {
-            Law::StickSlip { friction: 0.3 }.contact_force(reaction, normal)
+            Law::StickSlip { friction: Friction::single(0.3) }.contact_force(reaction, normal, Interface::NEW)
         }
     }
     #[derive(Debug, Clone)]

@@ -185,7 +185,7 @@ const OTHER_SOLVERS: &[Changed] = &[
     ),
     ("another contact scheme", |scene| scene.contact.scheme = Scheme::Velocity, 80),
     ("another normal", |scene| scene.surface = ContactSurface::Shaded, 80),
-    ("another friction", |scene| scene.contact.law = Law::StickSlip { friction: 1.0 + 1e-8 }, 200),
+    ("another friction", |scene| scene.contact.law = Law::StickSlip { friction: (1.0 + 1e-8).into() }, 200),
 ];
 
 #[test]

@@ -1,6 +1,6 @@
 //! Scenes built in Rust run like those from files, and pass the same checks.
 
-use stickslip::contact::law::Law;
+use stickslip::contact::law::{Friction, Law};
 use stickslip::contact::rules::Scheme;
 use stickslip::device::coupled::CoupledSettings;
 use stickslip::device::instrument::InstrumentKind;
@@ -25,7 +25,7 @@ fn built() -> Scene {
     let at = |time, x, z| Waypoint { time, position: Vec3::new(x, 0.0013, z) };
     let path = TipPath::new(vec![at(0.0, -0.03, 0.002), at(0.2, -0.03, -0.003), at(1.2, 0.02, -0.003)]);
     let material = Material::uniform(324, 0.01, 100.0, 0.5);
-    let law = Law::StickSlip { friction: 1.0 };
+    let law = Law::StickSlip { friction: Friction::single(1.0) };
     Scene::new("fig5-stick-slip", BLOCK, material, law, path.expect("ascending times")).expect("it goes together")
 }
 
@@ -79,7 +79,7 @@ const WRONG: &[(Change, &str)] = &[
     (|scene| scene.with_ticks(u64::MAX), "mesh.nodes"),
     (|scene| scene.with_fixed(vec![true; 3]), "mesh.fixed"),
     (|scene| scene.with_ticks_per_cycle(0), "sync.latency_ticks"),
-    (|scene| scene.with_law(Law::StickSlip { friction: f64::NAN }), "contact.friction"),
+    (|scene| scene.with_law(Law::StickSlip { friction: Friction::single(f64::NAN) }), "contact.friction"),
     (|scene| scene.with_local_integrator(LocalIntegrator::Exponential), "local.integrator"),
     (|scene| scene.with_full_model().with_local_integrator(LocalIntegrator::ImplicitEuler), "local.integrator"),
     (

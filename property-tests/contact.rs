@@ -44,7 +44,7 @@ fn shipped_scenes_keep_their_laws_and_end_as_expected() {
         for (normal, tangential) in run.normal_force.iter().zip(&run.tangential_force).filter(|(n, _)| **n > 0.0) {
             match scene.contact.law {
                 Law::Sliding => sliding.check(tangential / normal),
-                Law::StickSlip { friction } => bound.check(tangential / (friction * normal) - 1.0),
+                Law::StickSlip { friction } => bound.check(tangential / (friction.static_coefficient * normal) - 1.0),
                 Law::Sticking | Law::Own(_) => {}
             }
         }

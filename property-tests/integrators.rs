@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
-use stickslip::contact::law::{Law, Mode};
+use stickslip::contact::law::{Friction, Interface, Law, Mode};
 use stickslip::contact::rules::Scheme;
 use stickslip::dynamics::constraint::Unconstrained;
 use stickslip::dynamics::integrators::{GlobalIntegrator, Stepper};
@@ -34,7 +34,7 @@ const IMPLICIT: [LocalIntegrator; 3] =
 const H: f64 = 1e-3;
 /// Amplitude of the initial velocities of free motions, m/s.
 const START_SPEED: f64 = 0.05;
-const LAWS: [Law; 3] = [Law::Sliding, Law::Sticking, Law::StickSlip { friction: 0.5 }];
+const LAWS: [Law; 3] = [Law::Sliding, Law::Sticking, Law::StickSlip { friction: Friction::single(0.5) }];
 
 /// Materials of a block of unequal masses, and its approximation.
 #[derive(Clone, Copy)]
@@ -417,17 +417,23 @@ fn a_law_without_a_solution_is_solved_as_sliding() {
     assert!((pulls.try_inverse().expect("regular") * r).z < -0.1, "it pushes");
     let turned = Mat3::new(1.0, 0.0, -0.5, 0.0, 1.0, 0.0, -0.5, 0.0, 1.0);
     assert!((turned.try_inverse().expect("regular") * r).z > 0.0, "it pulls");
-    for law in [Law::Sticking, Law::StickSlip { friction: 1.0 }] {
-        let push = law.impulse(&turned, r, n, 1e-3);
+    for law in [Law::Sticking, Law::StickSlip { friction: Friction::single(1.0) }] {
+        let push = law.impulse(&turned, r, n, 1e-3, Interface::NEW);
         assert!(push.fell_back && push.mode == Mode::Slide, "{push:?}");
         // n(n·r)/(n·Gn)
         assert_eq!(push.value, n * -0.1);
-        assert!(!law.impulse(&Mat3::identity(), Vec3::new(0.01, 0.0, -1.0), n, 1e-3).fell_back);
+        assert!(!law.impulse(&Mat3::identity(), Vec3::new(0.01, 0.0, -1.0), n, 1e-3, Interface::NEW).fell_back);
     }
     // Sticking pushes, beyond the cone, and slip would have to push backwards. That takes a response against the push
     // (n·Gn < 0: n·GΛ = n·r < 0 otherwise bounds it), which exact steps of fast modes can have; sliding then pulls.
     let against = Mat3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0, -0.5);
-    let push = Law::StickSlip { friction: 0.4 }.impulse(&against, Vec3::new(1.0, 0.0, -0.5), n, 1e-3);
+    let push = Law::StickSlip { friction: Friction::single(0.4) }.impulse(
+        &against,
+        Vec3::new(1.0, 0.0, -0.5),
+        n,
+        1e-3,
+        Interface::NEW,
+    );
     assert!(push.fell_back && push.mode == Mode::Slide && push.value.z > 0.0, "{push:?}");
 }
 

@@ -77,7 +77,7 @@ impl Body {
     }
 
     fn simulation(self, scheme: Scheme, law: Law) -> LocalSimulation {
-        let rules = ContactRules { law, scheme, wall: Wall { stiffness: 1000.0, damping: 0.0 } };
+        let rules = ContactRules { law, scheme, adhesion_n: 0.0, wall: Wall { stiffness: 1000.0, damping: 0.0 } };
         LocalSimulation::new(rules, 1e-3, self.surface, self.model, self.state)
     }
 }

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector, Rotation3};
 use proptest::prelude::*;
 use stickslip::Vec3;
-use stickslip::contact::law::{Law, Mode};
+use stickslip::contact::law::{Friction, Interface, Law, Mode};
 use stickslip::contact::literal::{ContactFrame, LiteralOperators};
 use stickslip::surface::support::{Metric, Support};
 use stickslip::verify::residual::largest;
@@ -309,7 +309,7 @@ fn coulombs_bound_holds_with_direction_and_normal_part_kept() {
         let reaction = if reaction.dot(&n) < 0.0 { -reaction } else { reaction };
         let normal = reaction.dot(&n);
         prop_assume!(normal > 0.0);
-        let (mode, force) = Law::StickSlip { friction }.contact_force(reaction, n);
+        let (mode, force) = Law::StickSlip { friction: friction.into() }.contact_force(reaction, n, Interface::NEW);
         let tangential = |f: Vec3| f - n * f.dot(&n);
         let size = reaction.norm();
         bound.case((tangential(force).norm() - friction * normal) / size)?;
@@ -331,7 +331,8 @@ fn coulombs_bound_holds_with_direction_and_normal_part_kept() {
 #[test]
 fn no_tangential_force_never_slips() {
     for friction in [0.0, 1e-300, 1.0] {
-        let (mode, force) = Law::StickSlip { friction }.contact_force(Vec3::z() * 3.0, Vec3::z());
+        let (mode, force) =
+            Law::StickSlip { friction: friction.into() }.contact_force(Vec3::z() * 3.0, Vec3::z(), Interface::NEW);
         assert_eq!((mode, force), (Mode::Stick, Vec3::z() * 3.0));
     }
 }
@@ -341,7 +342,7 @@ fn constrained(law: Law, case: &Case, f: &[Vec3], v: &[Vec3]) -> (Vec3, Vec<Vec3
     let h = 1e-3;
     let support = case.support();
     let n = case.frame.normal;
-    let (mode, force) = law.contact_force(support.reaction(f), n);
+    let (mode, force) = law.contact_force(support.reaction(f), n, Interface::NEW);
     let (mut f, mut v) = (f.to_vec(), v.to_vec());
     if mode == Mode::Slip {
         support.subtract_contact_force(force, &mut f);
@@ -363,7 +364,8 @@ fn friction_spans_sliding_to_sticking() {
             free.fold(0.0, f64::max)
         };
         let (sliding, v_sliding) = constrained(Law::Sliding, &case, &f[..n], &v[..n]);
-        let (smooth, v_smooth) = constrained(Law::StickSlip { friction: 0.0 }, &case, &f[..n], &v[..n]);
+        let (smooth, v_smooth) =
+            constrained(Law::StickSlip { friction: Friction::single(0.0) }, &case, &f[..n], &v[..n]);
         frictionless.case((sliding - smooth).norm() / reaction.norm())?;
         // A frictionless slip takes the normal force from the mesh before Q stops the rest of the
         // normal motion; Q would have stopped all of it. In the metric's own inner product both are
@@ -373,7 +375,7 @@ fn friction_spans_sliding_to_sticking() {
             frictionless.case(difference / scale(&f[..n], &v[..n]))?;
         }
         let sticking = constrained(Law::Sticking, &case, &f[..n], &v[..n]);
-        let rough = constrained(Law::StickSlip { friction: 1e30 }, &case, &f[..n], &v[..n]);
+        let rough = constrained(Law::StickSlip { friction: Friction::single(1e30) }, &case, &f[..n], &v[..n]);
         prop_assert_eq!(sticking, rough);
         Ok(())
     });

@@ -1,6 +1,6 @@
 //! Observed orders of convergence of every integrator, and momentum.
 
-use stickslip::contact::law::Law;
+use stickslip::contact::law::{Friction, Law};
 use stickslip::contact::rules::Scheme;
 use stickslip::dynamics::integrators::GlobalIntegrator;
 use stickslip::local::step::LocalIntegrator;
@@ -56,7 +56,7 @@ fn impulse_is_change_of_momentum() {
     // Round-off of sums over 75 nodes, with A⁻¹ in between where the model is linear. Measured: 2e-15, 2e-14.
     let nonlinear = Worst::new("momentum", "free block: sum of impulses - momentum, relative", 2e-14);
     let linear = Worst::new("momentum", "free linear block: sum of impulses - momentum, relative", 7e-13);
-    let laws = [Law::Sliding, Law::Sticking, Law::StickSlip { friction: 0.5 }];
+    let laws = [Law::Sliding, Law::Sticking, Law::StickSlip { friction: Friction::single(0.5) }];
     let block = |model: &str| {
         let mut block = scene(&format!(
             r#"

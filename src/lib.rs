@@ -109,7 +109,7 @@ pub mod verify;
 #[cfg(feature = "cli")]
 pub mod cli;
 
-pub use contact::law::{ContactLaw, Impulse, Law, Mode};
+pub use contact::law::{ContactLaw, Friction, Impulse, Interface, Law, Mode};
 pub use contact::renderer::{Body, BodyState, MovedNodes, Rendered, Renderer, RendererFault, RendererModel};
 pub use contact::report::TickReport;
 pub use contact::rules::{ContactRules, Deformation, Scheme, Wall};

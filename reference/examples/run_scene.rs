@@ -13,7 +13,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let at = |time, x, z| Waypoint { time, position: Vec3::new(x, 0.0013, z) };
     let path = TipPath::new(vec![at(0.0, -0.03, 0.002), at(0.2, -0.03, -0.003), at(0.6, -0.01, -0.003)])?;
 
-    let scene = Scene::new("pressed-and-drawn", mesh, material, Law::StickSlip { friction: 0.5 }, path)?
+    let scene = Scene::new("pressed-and-drawn", mesh, material, Law::StickSlip { friction: 0.5.into() }, path)?
         .with_surface(ContactSurface::Subdivision)
         .with_scheme(Scheme::Velocity)
         .with_global_rate_hz(50.0)?;

@@ -232,9 +232,10 @@ impl LocalSimulation {
             return Motion::Slides;
         }
         let is_held_again = match before {
-            None | Some(ContactState::Stick | ContactState::Slide) => return Motion::Sticks,
+            None | Some(ContactState::Stick) => return Motion::Sticks,
             Some(ContactState::Slip) => false,
-            Some(ContactState::Tension) => true,
+            // Under tension it exerted no force, and rigid ground none that the law knows.
+            Some(ContactState::Tension | ContactState::Slide) => true,
         };
         if law == Law::Sticking {
             // It sticks at the moment at which the surface stops under the tip.
@@ -258,16 +259,10 @@ impl LocalSimulation {
     /// Friction of a slipping contact, N; `None` if it may stop the motion within the tick, which takes the force
     /// `stopping`, N.
     fn friction(&self, normal_force: f64, direction: Vec3, stopping: f64, n: Vec3) -> Option<f64> {
-        match self.rules.law {
-            Law::Sliding | Law::Sticking => None,
-            Law::StickSlip { friction } => {
-                let kinetic = friction.kinetic_coefficient * (normal_force + self.rules.adhesion_n);
-                if stopping <= kinetic { None } else { Some(kinetic) }
-            }
-            Law::Own(law) => match law.contact_force(n * normal_force - direction * stopping, n) {
-                (Mode::Stick, _) => None,
-                (_, force) => Some(-force.dot(&direction)),
-            },
+        let interface = Interface { slipped: true, adhesion_n: self.rules.adhesion_n };
+        match self.rules.law.contact_force(n * normal_force - direction * stopping, n, interface) {
+            (Mode::Stick, _) => None,
+            (_, force) => Some(-force.dot(&direction)),
         }
     }
 

@@ -97,10 +97,15 @@ impl Shape<'_> {
     }
 
     fn nearest_feature(&self, q: Vec3) -> Option<Nearest> {
-        let least =
-            self.sweep(q, f64::INFINITY, |best, candidate| candidate.distance_squared < best.distance_squared)?;
+        let least = self.least_distant(q)?;
         let bound = least.distance_squared + SAME_DISTANCE_SQUARED;
         self.sweep(q, bound, |best, candidate| candidate.point.triangle < best.point.triangle).or(Some(least))
+    }
+
+    /// Returns the nearest feature to the last bit. The side of the surface follows from its pseudonormal; that of a
+    /// triangle which is merely as near to 1 nm may face the other way.
+    fn least_distant(&self, q: Vec3) -> Option<Nearest> {
+        self.sweep(q, f64::INFINITY, |best, candidate| candidate.distance_squared < best.distance_squared)
     }
 
     /// Returns the best of all triangles within a squared distance, by the given order.
@@ -145,7 +150,7 @@ impl Shape<'_> {
 
     /// Signed distance by the angle-weighted pseudonormal at the nearest point (Bærentzen & Aanæs 2005).
     fn signed_distance_to_triangles(&self, q: Vec3) -> f64 {
-        let Some(nearest) = self.nearest_feature(q) else { return f64::NAN };
+        let Some(nearest) = self.least_distant(q) else { return f64::NAN };
         let ContactPoint { triangle, .. } = nearest.point;
         let surface = &self.surface.topology;
         let normal = match nearest.feature {

@@ -206,7 +206,8 @@ impl LocalSimulation {
 
     /// State and adhesion of the touching surfaces, as the bound of friction needs them.
     fn interface(&self) -> Interface {
-        let slipped = self.contact.is_some_and(|contact| contact.state == ContactState::Slip);
+        let moves = |contact: Contact| matches!(contact.state, ContactState::Slip | ContactState::Slide);
+        let slipped = self.contact.is_some_and(moves);
         Interface { slipped, adhesion_n: self.rules.adhesion_n }
     }
 

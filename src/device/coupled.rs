@@ -104,9 +104,13 @@ impl CoupledPhantom {
         Ok(tip)
     }
 
-    /// Returns the velocity of the tip that contact sees, m/s: the coupling's own, or that estimated from the encoders.
-    pub fn tip_velocity(&self) -> Vec3 {
-        self.coupling.as_ref().map_or_else(|| self.phantom.estimated_tip_velocity(), VirtualCoupling::tip_velocity)
+    /// Returns the velocity of the tip that contact sees, m/s: the coupling's own, or the observer's; `None` if contact
+    /// sees the encoders' reading.
+    pub fn tip_velocity(&self) -> Option<Vec3> {
+        match &self.coupling {
+            Some(coupling) => Some(coupling.tip_velocity()),
+            None => self.phantom.observed_velocity(),
+        }
     }
 
     /// Turns a contact force, N, into a command before the device's limits. A coupling replaces the force by its own;

@@ -176,7 +176,7 @@ impl InstrumentInUse {
     pub fn tip_velocity(&self) -> Option<Vec3> {
         match self {
             Self::Path(_) => None,
-            Self::Phantom(phantom) => Some(phantom.tip_velocity()),
+            Self::Phantom(phantom) => phantom.tip_velocity(),
             Self::Own(instrument) => instrument.tip_velocity(),
         }
     }

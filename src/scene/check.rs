@@ -142,7 +142,7 @@ fn local_model(scene: &Scene) -> Checked {
 
 fn contact(scene: &Scene) -> Checked {
     if let Law::StickSlip { friction: Friction { static_coefficient, kinetic_coefficient } } = scene.contact.law {
-        let [bound, slip] = match static_coefficient == kinetic_coefficient {
+        let [bound, slip] = match static_coefficient.to_bits() == kinetic_coefficient.to_bits() {
             true => ["contact.friction"; 2],
             false => ["contact.friction.static", "contact.friction.kinetic"],
         };

@@ -5,6 +5,7 @@ use super::Schedule;
 use super::words::*;
 use crate::contact::rules::Deformation;
 use crate::device::path::Interpolation;
+use crate::device::phantom::TipSensing;
 use crate::dynamics::integrators::GlobalIntegrator;
 use crate::local::condensation::FarField;
 use crate::local::step::LocalIntegrator;
@@ -165,6 +166,7 @@ pub struct InstrumentTable {
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DeviceTable {
+    pub tip: Option<TipSensing>,
     pub rotation: Option<[[f64; 3]; 3]>,
     pub offset: Option<[f64; 3]>,
     pub joint_friction: Option<[f64; 3]>,

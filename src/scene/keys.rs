@@ -208,6 +208,12 @@ const KEYS: &[(&str, Accepts)] = &[
     ),
     ("instrument.device", Table("; only with `kind = \"phantom-1.5\"`")),
     (
+        "instrument.device.tip",
+        Text(
+            "\"quantised\" (default but with `contact.scheme = \"massless\"`): contact sees the encoders' reading; or \"observed\" (default with it): an estimate finer than a count, with its velocity",
+        ),
+    ),
+    (
         "instrument.device.rotation",
         Text(
             "three rows of three numbers: a rotation, scene directions in device axes (x right, y up, z to the user; default [[1, 0, 0], [0, 0, 1], [0, -1, 0]])",

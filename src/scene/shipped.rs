@@ -34,6 +34,7 @@ macro_rules! shipped {
 shipped! {
     "fig3-sliding" => Completes,
     "fig4-sticking" => Completes,
+    "fig4-sticking-unilateral" => Completes,
     "fig5-stick-slip" => Completes,
     "deep-sliding" => Completes,
     "deep-sticking" => Completes,

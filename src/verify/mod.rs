@@ -8,6 +8,7 @@ pub mod accuracy;
 pub mod baseline;
 pub mod certificate;
 pub mod compare;
+pub mod contact_limits;
 pub mod elasticity;
 pub mod extremes;
 pub mod lateness;

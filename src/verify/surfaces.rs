@@ -24,9 +24,10 @@ pub const SURFACES: [(&str, ContactSurface); 3] = [
     ("subdivision", ContactSurface::Subdivision),
 ];
 /// Contact schemes, each with its name in scenes; the geometric one with its smallest deformation.
-pub const SCHEMES: [(&str, Scheme); 2] = [
+pub const SCHEMES: [(&str, Scheme); 3] = [
     ("geometric", Scheme::Geometric { deformation: Deformation::LeastNorm, metric: Metric::Euclidean }),
     ("velocity", Scheme::Velocity),
+    ("massless", Scheme::Massless),
 ];
 
 /// Begin of the evaluation, s. The press ends at 0.2 s with a jump of the tip's velocity, which has decayed by then.

@@ -6,7 +6,7 @@
 
 use mujoco_rs::prelude::*;
 use stickslip::Vec3;
-use stickslip::contact::law::{Law, Mode};
+use stickslip::contact::law::{Friction, Interface, Law, Mode};
 use stickslip::surface::support::{Metric, Support};
 use stickslip_mujoco::residual::{check, largest, must_fail};
 
@@ -59,7 +59,8 @@ fn our_force(pull: Vec3) -> Vec3 {
     let mut support = Support::with_capacity(1);
     support.set(Metric::Mass, [(0, 1.0, 1.0 / MASS)]);
     let reaction = support.reaction(&[pull - Vec3::z() * (MASS * GRAVITY)]);
-    let (mode, force) = Law::StickSlip { friction: FRICTION }.contact_force(reaction, -Vec3::z());
+    let (mode, force) =
+        Law::StickSlip { friction: Friction::single(FRICTION) }.contact_force(reaction, -Vec3::z(), Interface::NEW);
     assert_eq!(mode, Mode::Slip);
     force
 }

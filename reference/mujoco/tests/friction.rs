@@ -1,7 +1,7 @@
 //! Stick-slip along a line: dry friction on the coordinate of a contact point.
 
 use stickslip::Vec3;
-use stickslip::contact::law::{Law, Mode};
+use stickslip::contact::law::{Interface, Law, Mode};
 use stickslip::model::network::Network;
 use stickslip::model::state::State;
 use stickslip::surface::support::Metric;
@@ -104,7 +104,8 @@ struct Outcome {
 fn outcome(network: &Network, held: &Held, share: f64) -> Outcome {
     let friction = held.friction(share);
     let bound = friction * held.normal_force;
-    let (mode, force) = Law::StickSlip { friction }.contact_force(held.reaction, held.normal);
+    let (mode, force) =
+        Law::StickSlip { friction: friction.into() }.contact_force(held.reaction, held.normal, Interface::NEW);
     let reference = held.reference(network, bound);
     let theirs = if reference.at_bound()[0] { Mode::Slip } else { Mode::Stick };
     let along = (force - held.normal * held.normal_force).dot(&held.tangent);
@@ -153,7 +154,8 @@ fn slip_along(network: &Network, held: &Held, kept: f64) -> (usize, f64) {
         // Along the line only: F_N stays what it was, and nothing holds the point across it.
         let along = operators.reaction(&forces).dot(&held.tangent);
         let reaction = held.normal * held.normal_force + held.tangent * along;
-        let (mode, force) = Law::StickSlip { friction }.contact_force(reaction, held.normal);
+        let (mode, force) =
+            Law::StickSlip { friction: friction.into() }.contact_force(reaction, held.normal, Interface::NEW);
         if mode == Mode::Stick || along < 0.0 {
             return (step, error);
         }

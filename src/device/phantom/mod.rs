@@ -9,8 +9,8 @@ pub mod actuation;
 pub mod dynamics;
 pub mod hand;
 pub mod kinematics;
+pub mod observer;
 pub mod plant;
-pub mod velocity;
 pub mod wall;
 
 use std::fmt;
@@ -21,9 +21,10 @@ use self::actuation::ActuationSettings;
 use self::dynamics::{JointSettings, LEAST_INERTIA};
 use self::hand::HandSettings;
 use self::kinematics::{FORE_LINK, PoseError, UPPER_LINK};
+use self::observer::EncoderObserver;
 use self::plant::{Plant, PlantState};
-use self::velocity::AdaptiveWindow;
 use super::path::TipPath;
+use crate::word::words;
 use crate::{Mat3, Vec3};
 
 /// Largest product of rate and substep. RK4 is stable up to 2.78 on the real axis and 2.82 on the imaginary one.
@@ -56,6 +57,18 @@ impl Axes {
     }
 }
 
+/// The tip that contact sees.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum TipSensing {
+    /// The encoders' reading.
+    #[default]
+    Quantised,
+    /// The estimate of an [`EncoderObserver`], with its velocity.
+    Observed,
+}
+
+words!(TipSensing { Quantised = "quantised", Observed = "observed" });
+
 /// All settings of the device and the hand.
 ///
 /// ```
@@ -79,6 +92,8 @@ pub struct PhantomSettings {
     pub actuation: ActuationSettings,
     /// Settings of the user's hand.
     pub hand: HandSettings,
+    /// The tip that contact sees.
+    pub sensing: TipSensing,
     /// Number of integration steps per tick.
     pub substeps: u32,
 }
@@ -90,6 +105,7 @@ impl Default for PhantomSettings {
             joints: JointSettings::default(),
             actuation: ActuationSettings::default(),
             hand: HandSettings::default(),
+            sensing: TipSensing::default(),
             substeps: 10,
         }
     }
@@ -172,7 +188,7 @@ impl PhantomSettings {
     /// # Errors
     /// If a parameter is out of range, with the first one, or there are too few substeps.
     pub fn check(&self, tick_s: f64) -> Result<(), DeviceError> {
-        let Self { axes, joints, actuation, hand, substeps } = self;
+        let Self { axes, joints, actuation, hand, substeps, sensing: _ } = self;
         let positive = [
             ("the tick (s)", Vec3::repeat(tick_s)),
             ("the friction speed (rad/s)", Vec3::repeat(joints.friction_speed)),
@@ -282,9 +298,8 @@ pub struct Phantom {
     tick_s: f64,
     /// Encoder readings at the end of the last tick, rad.
     measured: Vec3,
-    /// Joint rates estimated from the encoder readings, rad/s.
-    estimated_rates: Vec3,
-    window: AdaptiveWindow,
+    /// Estimator of what the encoders do not resolve, if contact sees its tip.
+    observer: Option<EncoderObserver>,
     /// Currents commanded to the amplifiers, A.
     command: Vec3,
     is_saturated: bool,
@@ -304,8 +319,10 @@ impl Phantom {
         let measured = settings.actuation.encode(&angles);
         Ok(Self {
             measured,
-            estimated_rates: Vec3::zeros(),
-            window: AdaptiveWindow::new(tick_s, settings.actuation.angle_step(), measured),
+            observer: match settings.sensing {
+                TipSensing::Quantised => None,
+                TipSensing::Observed => Some(EncoderObserver::new(tick_s, settings.actuation.angle_step(), measured)),
+            },
             plant: Plant { settings, target },
             state: PlantState::at_rest(angles),
             tick_s,
@@ -315,7 +332,7 @@ impl Phantom {
         })
     }
 
-    /// Advances the device by a tick from a time, s, under the last command. Returns the tip measured at its end, m.
+    /// Advances the device by a tick from a time, s, under the last command. Returns the tip that contact sees at its end, m.
     ///
     /// # Errors
     /// If the device leaves its workspace. It then stays as it was before the tick.
@@ -328,8 +345,10 @@ impl Phantom {
         kinematics::check(&state.angles).map_err(|cause| DeviceError::Pose { time_s, cause })?;
         self.state = state;
         self.measured = self.settings().actuation.encode(&state.angles);
-        self.estimated_rates = self.window.next(self.measured);
-        Ok(self.measured_tip())
+        if let Some(observer) = &mut self.observer {
+            observer.next(self.measured);
+        }
+        Ok(self.sensed_tip())
     }
 
     /// Commands a force on the user, N, for the next tick. Returns the force after limits and quantisation, N. A force
@@ -350,9 +369,17 @@ impl Phantom {
         self.settings().axes.point_to_scene(&kinematics::forward(&self.measured))
     }
 
-    /// Returns the velocity of the tip as estimated from the encoders at the end of the last tick, m/s.
-    pub fn estimated_tip_velocity(&self) -> Vec3 {
-        self.settings().axes.rotation.tr_mul(&(kinematics::jacobian(&self.measured) * self.estimated_rates))
+    /// Returns the tip that contact sees at the end of the last tick, m: the measured one, or the observer's.
+    pub fn sensed_tip(&self) -> Vec3 {
+        let angles = self.observer.as_ref().map_or(self.measured, EncoderObserver::angles);
+        self.settings().axes.point_to_scene(&kinematics::forward(&angles))
+    }
+
+    /// Returns the observer's estimate of the tip's velocity at the end of the last tick, m/s, if there is an observer.
+    pub fn observed_velocity(&self) -> Option<Vec3> {
+        let observer = self.observer.as_ref()?;
+        let velocity = kinematics::jacobian(&observer.angles()) * observer.rates();
+        Some(self.settings().axes.rotation.tr_mul(&velocity))
     }
 
     /// Returns the true tip position, m.

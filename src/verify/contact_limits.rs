@@ -1,0 +1,457 @@
+//! What contact must reach, measured for three schemes: convergence of the force with the rate, the first contact, energy,
+//! a hand that holds still, creep, stick-slip against its closed form, and friction that helps.
+
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use super::surfaces::whole;
+use crate::Vec3;
+use crate::contact::law::{Friction, Law, Mode};
+use crate::contact::rules::{ContactRules, Deformation, Scheme, Wall};
+use crate::contact::simulation::LocalSimulation;
+use crate::device::coupled::CoupledSettings;
+use crate::device::instrument::InstrumentKind;
+use crate::device::path::{TipPath, Waypoint};
+use crate::device::phantom::{PhantomSettings, TipSensing};
+use crate::local::model::{LocalModelBuilder, LocalSettings};
+use crate::model::mesh::Mesh;
+use crate::model::network::{Material, Network};
+use crate::model::topology::Surface;
+use crate::pipeline::{self, RunError, TickView};
+use crate::scene::Scene;
+use crate::surface::geometry::{ContactSurface, SurfaceModel};
+use crate::surface::subdivision::LARGEST_SUPPORT;
+use crate::surface::support::{Metric, Support};
+
+/// Contacts that are compared: the paper's, the velocity scheme, and the recommended one.
+pub const CONTACTS: [(&str, ContactSurface, Scheme); 3] = [
+    (
+        "geometric, faceted",
+        ContactSurface::Faceted,
+        Scheme::Geometric { deformation: Deformation::Rigid, metric: Metric::Euclidean },
+    ),
+    ("velocity, subdivision", ContactSurface::Subdivision, Scheme::Velocity),
+    ("massless, subdivision", ContactSurface::Subdivision, Scheme::Massless),
+];
+
+/// How long the studies are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Length {
+    /// As the limits say: rates up to 16 kHz, ten seconds held, sixty seconds of creep.
+    Whole,
+    /// What a test can afford: rates up to 4 kHz, three seconds held, five of creep.
+    Short,
+}
+
+/// A quantity with its limit.
+#[derive(Debug, Clone, Serialize)]
+pub struct LimitRow {
+    /// What is measured.
+    pub quantity: String,
+    /// Unit of limit and values; empty for a count or a ratio.
+    pub unit: &'static str,
+    /// The limit.
+    pub limit: f64,
+    /// Whether the limit is the least value allowed, not the largest.
+    pub is_least: bool,
+    /// Value of each of [`CONTACTS`]; `None` where it is not finite or the run ended with a fault.
+    pub values: Vec<Option<f64>>,
+}
+
+impl LimitRow {
+    /// Whether one of [`CONTACTS`], by its index, is within the limit.
+    pub fn holds(&self, contact: usize) -> bool {
+        self.values[contact].is_some_and(|value| if self.is_least { value >= self.limit } else { value <= self.limit })
+    }
+}
+
+/// A quantity as one contact has it.
+struct Measured {
+    quantity: String,
+    unit: &'static str,
+    limit: f64,
+    is_least: bool,
+    value: f64,
+}
+
+impl Measured {
+    fn at_most(quantity: impl Into<String>, unit: &'static str, limit: f64, value: f64) -> Self {
+        Self { quantity: quantity.into(), unit, limit, is_least: false, value }
+    }
+}
+
+/// Measures every quantity for every contact. `progress` is called with the name of each study that begins.
+///
+/// # Errors
+/// If a scene cannot start. A fault makes a value absent.
+pub fn measure(length: Length, mut progress: impl FnMut(&str)) -> Result<Vec<LimitRow>, RunError> {
+    let mut rows: Vec<LimitRow> = Vec::new();
+    for (name, surface, scheme) in CONTACTS {
+        progress(name);
+        let mut measured = Vec::new();
+        for drag in ["fig3-sliding", "fig5-stick-slip"] {
+            measured.extend(over_rates(drag, surface, scheme, length)?);
+        }
+        measured.extend(held_still(surface, scheme, length)?);
+        measured.extend(creep(surface, scheme, length)?);
+        measured.extend(spring_slider(scheme));
+        if rows.is_empty() {
+            rows = measured.iter().map(LimitRow::from).collect();
+        }
+        for (row, Measured { value, .. }) in rows.iter_mut().zip(measured) {
+            row.values.push(value.is_finite().then_some(value));
+        }
+    }
+    Ok(rows)
+}
+
+impl From<&Measured> for LimitRow {
+    fn from(measured: &Measured) -> Self {
+        let Measured { quantity, unit, limit, is_least, .. } = measured;
+        Self { quantity: quantity.clone(), unit, limit: *limit, is_least: *is_least, values: Vec::new() }
+    }
+}
+
+fn shipped(name: &str) -> Scene {
+    Scene::shipped(name).unwrap_or_else(|| unreachable!("{name} is shipped with the program"))
+}
+
+/// Runs a scene, and returns whether it completed.
+fn completes(scene: &Scene, observe: impl FnMut(&TickView)) -> Result<bool, RunError> {
+    match pipeline::run(scene, observe) {
+        Ok(()) => Ok(true),
+        Err(RunError::Fault(_)) => Ok(false),
+        Err(error) => Err(error),
+    }
+}
+
+/// Force over one run of the whole network, and what the dampers explain of its changes.
+struct ForceRecord {
+    /// Force at the end of every millisecond from the first contact on, N.
+    each_ms: Vec<Vec3>,
+    peak: f64,
+    /// Largest change within a tick beyond what the dampers make of a change of the tip's velocity, N.
+    change: f64,
+    energy_residual: f64,
+    assist_ticks: f64,
+    completed: bool,
+}
+
+fn record(scene: &Scene) -> Result<ForceRecord, RunError> {
+    let ticks_per_ms = (1e-3 / scene.tick_s()).round() as u64;
+    let mut record = ForceRecord {
+        each_ms: Vec::new(),
+        peak: 0.0,
+        change: 0.0,
+        energy_residual: f64::NAN,
+        assist_ticks: 0.0,
+        completed: false,
+    };
+    let (mut last, mut speed, mut begun) = (Vec3::zeros(), None::<Vec3>, false);
+    let follows_normal = scene.contact.law == Law::Sliding;
+    record.completed = completes(scene, |view| {
+        let velocity = (view.tip - view.tip_before) / scene.tick_s();
+        begun |= view.report.mode != Mode::Free;
+        if begun && (view.tick + 1) % ticks_per_ms == 0 {
+            record.each_ms.push(view.force);
+        }
+        record.peak = record.peak.max(view.force.norm());
+        let change = (view.force - last).norm();
+        // A tip that meets the surface takes its contact point from rest to its own velocity.
+        let jump = match (speed, view.report.collision_time) {
+            (_, Some(_)) => velocity,
+            (Some(before), None) => velocity - before,
+            (None, None) => Vec3::zeros(),
+        };
+        let damped = if jump.norm() > 0.0 { damper_force(view, jump, follows_normal) } else { 0.0 };
+        record.change = record.change.max(change - damped);
+        (last, speed) = (view.force, Some(velocity));
+        record.energy_residual = view.energy.residual() / view.energy.absolute_work;
+        record.assist_ticks = view.energy.friction_assist_ticks as f64;
+    })?;
+    Ok(record)
+}
+
+/// Force that the dampers add at the contact point if its velocity changes by `jump`, m/s.
+fn damper_force(view: &TickView, jump: Vec3, follows_normal: bool) -> f64 {
+    let (Some(touch), local) = (view.report.touch, view.local) else { return 0.0 };
+    let mut support = Support::with_capacity(LARGEST_SUPPORT);
+    local.shape().touch(Metric::Mass, &touch.point, &mut support);
+    let jump = if follows_normal { touch.normal * touch.normal.dot(&jump) } else { jump };
+    let mut state = local.state().clone();
+    let reaction = |state: &mut _| {
+        local.model().evaluate_forces(local.elapsed(), state);
+        support.reaction(&state.f)
+    };
+    let before = reaction(&mut state);
+    support.push(jump / support.scale(), &mut state.v);
+    let change = reaction(&mut state) - before;
+    if follows_normal { touch.normal.dot(&change).abs() } else { change.norm() }
+}
+
+/// Press and drag of the whole network at rates that double: the force, its changes, the energy balance.
+fn over_rates(drag: &str, surface: ContactSurface, scheme: Scheme, length: Length) -> Result<Vec<Measured>, RunError> {
+    let factors: &[u32] = match length {
+        Length::Whole => &[1, 2, 4, 8, 16],
+        Length::Short => &[1, 2, 4],
+    };
+    let base = whole(&shipped(drag), surface, scheme);
+    let mut records = Vec::with_capacity(factors.len());
+    for &factor in factors {
+        let rate_hz = base.local_rate_hz() * f64::from(factor);
+        let scene = base.clone().with_local_rate_hz(rate_hz).map_err(RunError::Scene)?;
+        records.push(record(&scene)?);
+    }
+    let peak = records.last().map_or(f64::NAN, |finest| finest.peak);
+    let all_completed = records.iter().all(|record| record.completed);
+    let valid = |value: f64| if all_completed { value } else { f64::NAN };
+    let differences: Vec<f64> = records
+        .windows(2)
+        .map(|pair| {
+            let both = pair[0].each_ms.iter().rev().zip(pair[1].each_ms.iter().rev());
+            both.map(|(coarse, fine)| (coarse - fine).norm() / peak).fold(0.0, f64::max)
+        })
+        .collect();
+    let largest = differences.iter().copied().fold(0.0, f64::max);
+    let order = (differences[0] / differences[differences.len() - 1]).log2() / (differences.len() - 1) as f64;
+    let of = |index: usize| &records[index];
+    let fine = factors.iter().position(|&factor| factor == 8).unwrap_or(factors.len() - 1);
+    let highest_khz = factors[factors.len() - 1];
+    let balance = |index: usize| of(index).energy_residual.abs();
+    Ok(vec![
+        Measured::at_most(
+            format!("{drag}: force at neighbouring rates, 1 to {highest_khz} kHz, largest difference over the peak"),
+            "%",
+            3.0,
+            valid(100.0 * largest),
+        ),
+        Measured {
+            is_least: true,
+            ..Measured::at_most(format!("{drag}: observed order over these rates"), "", 0.9, valid(order))
+        },
+        Measured::at_most(
+            format!("{drag}: largest change within a tick beyond the dampers', 1 kHz, over the peak"),
+            "%",
+            2.0,
+            valid(100.0 * of(0).change / peak),
+        ),
+        Measured::at_most(
+            format!("{drag}: the same at {} kHz", factors[fine]),
+            "%",
+            2.0,
+            valid(100.0 * of(fine).change / peak),
+        ),
+        Measured::at_most(format!("{drag}: energy residual over the work, 1 kHz"), "%", 1.0, valid(100.0 * balance(0))),
+        Measured::at_most(
+            format!("{drag}: the same at 4 kHz over that at 1 kHz"),
+            "",
+            0.5,
+            valid(balance(2) / balance(0)),
+        ),
+        Measured::at_most(
+            format!("{drag}: ticks in which friction helps the tip along"),
+            "",
+            0.0,
+            valid(of(0).assist_ticks),
+        ),
+    ])
+}
+
+/// The modelled hand presses the block through the PHANTOM and aims aside, so that the contact bears a tangential force.
+///
+/// ```
+/// use stickslip::{contact::rules::Scheme, surface::geometry::ContactSurface, verify::contact_limits::by_hand};
+///
+/// let scene = by_hand(ContactSurface::Subdivision, Scheme::Massless, 1000.0, 0.005, 10.0)?;
+/// assert_eq!(scene.tick_count(), 10_000);
+/// # Ok::<(), stickslip::RunError>(())
+/// ```
+///
+/// # Errors
+/// If the duration is no whole number of ticks.
+pub fn by_hand(
+    surface: ContactSurface,
+    scheme: Scheme,
+    rate_hz: f64,
+    aside_m: f64,
+    duration_s: f64,
+) -> Result<Scene, RunError> {
+    let sensing = match scheme {
+        Scheme::Geometric { .. } | Scheme::Velocity => TipSensing::Quantised,
+        Scheme::Massless => TipSensing::Observed,
+    };
+    let phantom = PhantomSettings { sensing, ..PhantomSettings::default() };
+    let settings = CoupledSettings { phantom, ..CoupledSettings::default() };
+    let at = |time, x, z| Waypoint { time, position: Vec3::new(x, 0.0013, z) };
+    let aim = vec![at(0.0, -0.005, 0.002), at(0.4, -0.005, -0.01), at(0.8, -0.005 + aside_m, -0.01)];
+    let path = TipPath::new(aim).unwrap_or_else(|_| unreachable!("times ascend"));
+    let scene = shipped("fig5-stick-slip").with_surface(surface).with_scheme(scheme).with_law(FIRM);
+    let scene = scene.with_instrument(InstrumentKind::Phantom(Box::new(settings)), path);
+    scene.with_local_rate_hz(rate_hz).and_then(|scene| scene.with_duration_s(duration_s)).map_err(RunError::Scene)
+}
+
+/// Friction of the contacts that a hand holds.
+const FIRM: Law = Law::StickSlip { friction: Friction::single(0.5) };
+/// Way of the hand's aim to the side, m: the contact then bears 0.3 N beside 0.7 N along the normal.
+const ASIDE_M: f64 = 0.0036;
+/// The same where it bears nine tenths of what friction can, 0.35 N.
+const ASIDE_TO_CREEP_M: f64 = 0.0054;
+/// Time after which a hand's motion has decayed, s.
+const SETTLED_S: f64 = 2.0;
+
+/// The hand holds the device still: peak to peak of the commanded force, and the energy that the hand receives.
+fn held_still(surface: ContactSurface, scheme: Scheme, length: Length) -> Result<Vec<Measured>, RunError> {
+    let duration_s = match length {
+        Length::Whole => 12.0,
+        Length::Short => 5.0,
+    };
+    let mut measured = Vec::new();
+    for rate_hz in [1000.0, 4000.0, 10_000.0] {
+        let scene = by_hand(surface, scheme, rate_hz, ASIDE_M, duration_s)?;
+        let (mut least, mut most) = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
+        let (mut start_j, mut largest_j) = (None, 0.0_f64);
+        let completed = completes(&scene, |view| {
+            let (Some(device), true) = (view.device, view.time > SETTLED_S) else { return };
+            (least, most) = (least.inf(&view.force), most.sup(&view.force));
+            let start = *start_j.get_or_insert(device.energy_to_hand_j);
+            largest_j = largest_j.max(device.energy_to_hand_j - start);
+        })?;
+        let valid = |value: f64| if completed { value } else { f64::NAN };
+        let khz = rate_hz * 1e-3;
+        measured.push(Measured::at_most(
+            format!("held still at {khz} kHz: peak to peak of the force"),
+            "N",
+            0.06,
+            valid((most - least).amax()),
+        ));
+        measured.push(Measured::at_most(
+            format!("held still at {khz} kHz: energy to the hand"),
+            "mJ",
+            0.1,
+            valid(1e3 * largest_j),
+        ));
+    }
+    Ok(measured)
+}
+
+/// The hand pulls with nine tenths of the force that friction holds: ticks in which the contact slips.
+fn creep(surface: ContactSurface, scheme: Scheme, length: Length) -> Result<Vec<Measured>, RunError> {
+    let duration_s = match length {
+        Length::Whole => 62.0,
+        Length::Short => 5.0,
+    };
+    let mut measured = Vec::new();
+    for rate_hz in [1000.0, 10_000.0] {
+        let scene = by_hand(surface, scheme, rate_hz, ASIDE_TO_CREEP_M, duration_s)?;
+        let mut slips = 0_u64;
+        let completed = completes(&scene, |view| {
+            if view.time > SETTLED_S {
+                slips += u64::from(view.report.mode == Mode::Slip);
+            }
+        })?;
+        let khz = rate_hz * 1e-3;
+        let name = format!("creep at {khz} kHz under nine tenths of the static friction: slipping ticks");
+        measured.push(Measured::at_most(name, "", 0.0, if completed { slips as f64 } else { f64::NAN }));
+    }
+    Ok(measured)
+}
+
+/// Stick-slip of one mass on one spring, m = 10 g and k = 100 N/m, drawn at 1 mm/s with μ_s = 0.6 and μ_k = 0.3.
+///
+/// Closed form without dampers, with λ = √(k/m) and Δ = (μ_s − μ_k)F_N/k: the spring's stretch falls by 2Δ within
+/// (2/λ)(π − arctan(λΔ/v)), over which the tip moves 2Δ + vT along the surface.
+fn spring_slider(scheme: Scheme) -> Vec<Measured> {
+    let cycle = Slider::new(scheme, 8000.0).first_slip();
+    let [drop, time, way] = cycle.map_or([f64::NAN; 3], |slip| {
+        let (natural, delta) = ((STIFFNESS / MASS).sqrt(), (0.6 - 0.3) * slip.normal_force / STIFFNESS);
+        let time = 2.0 / natural * (std::f64::consts::PI - (natural * delta / DRAW).atan());
+        [slip.drop / (2.0 * delta), slip.time / time, slip.way / (2.0 * delta + DRAW * time)]
+    });
+    [("drop of the stretch", drop), ("slip time", time), ("slip distance", way)]
+        .map(|(name, ratio)| {
+            Measured::at_most(
+                format!("spring and slider: {name} off the closed form"),
+                "%",
+                2.0,
+                100.0 * (ratio - 1.0).abs(),
+            )
+        })
+        .into()
+}
+
+const MASS: f64 = 0.01;
+const STIFFNESS: f64 = 100.0;
+/// Speed of the tip, m/s.
+const DRAW: f64 = 1e-3;
+
+/// One free node on a spring along x and one along z, under a tip that draws along x.
+struct Slider {
+    local: LocalSimulation,
+    tick_s: f64,
+}
+
+/// The first slip of a slider.
+struct Slip {
+    drop: f64,
+    time: f64,
+    way: f64,
+    normal_force: f64,
+}
+
+impl Slider {
+    fn new(scheme: Scheme, rate_hz: f64) -> Self {
+        // The free corner of a large triangle: 1 mm beside it, the others carry a thousandth of the contact point each.
+        let mesh = Mesh {
+            nodes: vec![Vec3::zeros(), Vec3::x(), Vec3::y(), -Vec3::z()],
+            edges: vec![[0, 1], [0, 3]],
+            triangles: vec![[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]],
+            tetrahedra: vec![],
+        };
+        let material = Material::uniform(4, MASS, STIFFNESS, 0.0);
+        let network = Network::new(&mesh, &material, vec![false, true, true, true])
+            .unwrap_or_else(|_| unreachable!("a value for each of four nodes"));
+        let surface = Surface::new(&mesh).unwrap_or_else(|_| unreachable!("a value for each of four nodes"));
+        let surface = SurfaceModel::faceted(Arc::new(surface));
+        let mut builder = LocalModelBuilder::new(&network, surface.clone(), LocalSettings::FULL);
+        let built = builder.build(&network, &network.rest_state(), Vec3::zeros(), None);
+        let (model, state) = built.unwrap_or_else(|_| unreachable!("an explicit step needs no solution"));
+        let law = Law::StickSlip { friction: Friction { static_coefficient: 0.6, kinetic_coefficient: 0.3 } };
+        let rules = ContactRules { law, scheme, adhesion_n: 0.0, wall: Wall::default() };
+        let tick_s = 1.0 / rate_hz;
+        Self { local: LocalSimulation::new(rules, tick_s, surface, model, state), tick_s }
+    }
+
+    /// Presses 1 mm deep and draws until the first slip has ended.
+    fn first_slip(mut self) -> Option<Slip> {
+        let mut tip = Vec3::new(1e-3, 1e-3, 5e-4);
+        let mut step = |local: &mut LocalSimulation, by: Vec3| {
+            let next = tip + by;
+            let report = local.tick(tip, next);
+            tip = next;
+            report
+        };
+        let press = (0.15 / self.tick_s) as u32;
+        for _ in 0..press {
+            step(&mut self.local, -Vec3::z() * (0.01 * self.tick_s));
+        }
+        let stretch = |local: &LocalSimulation| local.state().x[0].x;
+        let (mut begun, mut ticks) = (None, 0_u32);
+        let longest = (5.0 / self.tick_s) as u32;
+        for _ in 0..longest {
+            let before = stretch(&self.local);
+            let report = step(&mut self.local, Vec3::x() * (DRAW * self.tick_s));
+            match (report.mode, begun) {
+                (Mode::Slip, None) => begun = Some((before, report.normal_force)),
+                (Mode::Slip, Some(_)) => ticks += 1,
+                (Mode::Stick, Some((from, normal_force))) => {
+                    let (drop, time) = (from - stretch(&self.local), f64::from(ticks) * self.tick_s);
+                    return Some(Slip { drop, time, way: drop + DRAW * time, normal_force });
+                }
+                (Mode::Free | Mode::Slide, _) => return None,
+                _ => {}
+            }
+        }
+        None
+    }
+}
