@@ -86,22 +86,23 @@ def advance(model, surface, options, state, q0, q1, h, elapsed):
     ops = operators.literal(len(nodes), np.arange(len(nodes)), weights, normal, mass)
     multiplier = operators.contact_force(ops.Qt if options.law == "sliding" else ops.Pt, weights, f[place])
     normal_force = multiplier @ normal
-    if normal_force <= 0.0:
+    if normal_force <= -options.adhesion:
         predicted.contact = replace(state.contact or Contact(point), point=point, tension=True)
         return predicted, FREE
 
     # 5. Law.
     tangential = multiplier - normal_force * normal
     tangential_force = np.linalg.norm(tangential)
+    bearing = normal_force + options.adhesion  # what friction is proportional to
     if options.law == "sliding":
         mode, force, constraint = "slide", multiplier, ops.Q
-    elif options.law == "sticking" or tangential_force <= options.friction * normal_force:
+    elif options.law == "sticking" or tangential_force <= friction_bound(options, state.contact) * bearing:
         mode, force, constraint = "stick", multiplier, ops.P
     else:
         mode, constraint = "slip", ops.Q
-        force = normal_force * normal + options.friction * normal_force * tangential / tangential_force
+        force = normal_force * normal + options.friction.kinetic * bearing * tangential / tangential_force
         f = f.copy()
-        f[place] -= friction_forces(ops, f[place], normal, options.friction)
+        f[place] -= friction_forces(ops, f[place], normal, options.friction.kinetic, options.adhesion * weights)
     v_new = push(model, v, f, rest)
     v_new[nodes] = (constraint @ v_new[nodes].ravel()).reshape(-1, 3)
 
@@ -138,14 +139,24 @@ def push(model, v, f, h):
     return moved
 
 
-def friction_forces(ops, f, normal, friction):
-    """Node forces of frictional sliding (23)-(24), from the components of the constraint forces P~ f."""
+def friction_bound(options, contact):
+    """The coefficient up to which a contact sticks: the kinetic one if it slipped in the last tick."""
+    starts = contact is None or contact.tension or contact.mode == "stick"
+    return options.friction.static if starts else options.friction.kinetic
+
+
+def friction_forces(ops, f, normal, friction, adhesion):
+    """Node forces of frictional sliding (23)-(24), from the components of the constraint forces P~ f.
+
+    `adhesion` is each node's share of the contact's, which adds to the normal force that friction is proportional to.
+    """
     constraint = (ops.Pt @ f.ravel()).reshape(-1, 3)
-    along = (constraint @ normal)[:, None] * normal
+    normal_forces = constraint @ normal
+    along = normal_forces[:, None] * normal
     across = constraint - along
     length = np.linalg.norm(across, axis=1)[:, None]
     direction = np.divide(across, length, out=np.zeros_like(across), where=length > 0.0)
-    return along + friction * np.linalg.norm(along, axis=1)[:, None] * direction
+    return along + friction * np.abs(normal_forces + adhesion)[:, None] * direction
 
 
 def rigid_tick(surface, options, predicted, point, normal, x, q0, q1, h):

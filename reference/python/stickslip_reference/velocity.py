@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from . import integrators
-from .tick import FREE, RIGID_BELOW, Contact, Result, State, free_support, locate, push, rigid_tick
+from .tick import FREE, RIGID_BELOW, Contact, Result, State, free_support, friction_bound, locate, push, rigid_tick
 
 
 def advance(model, surface, options, state, q0, q1, h, elapsed):
@@ -22,8 +22,6 @@ def advance(model, surface, options, state, q0, q1, h, elapsed):
         return rigid_tick(surface, options, predicted, point, normal, state.x, q0, q1, h)
 
     r = (q1 - surface.position(point, state.x)) / h - weights @ predicted.v[nodes]
-    if r @ normal >= 0.0:
-        return kept_under_tension(predicted, state, point)
     at = np.searchsorted(model.patch, nodes)
     W = np.zeros((3, len(model.patch), 3))
     W[:, at] = np.eye(3)[:, None, :] * weights[:, None]
@@ -34,8 +32,11 @@ def advance(model, surface, options, state, q0, q1, h, elapsed):
     else:
         by_impulse_v, by_impulse_x = step.by_impulse_v @ W.T, step.by_impulse_x @ W.T
     G, GX = W @ by_impulse_v, W @ by_impulse_x
-    mode, impulse, fell_back = impulse_on_mesh(options, G, r, normal)
-    if not impulse @ normal < 0.0:
+    pull = options.adhesion * h  # the impulse that the contact bears
+    if (r @ normal) / (normal @ G @ normal) >= pull:
+        return kept_under_tension(predicted, state, point)
+    mode, impulse, fell_back = impulse_on_mesh(options, state.contact, pull, G, r, normal)
+    if not impulse @ normal < pull:
         return kept_under_tension(predicted, state, point)
     v_new, x_new = predicted.v.copy(), predicted.x.copy()
     v_new[model.patch] += (by_impulse_v @ impulse).reshape(-1, 3)
@@ -74,22 +75,25 @@ def kept_under_tension(predicted, state, point):
     return predicted, FREE
 
 
-def impulse_on_mesh(options, G, r, normal):
-    """Mode and impulse that give the contact point the velocity r more, as far as the law allows; r goes inwards.
+def impulse_on_mesh(options, contact, pull, G, r, normal):
+    """Mode and impulse that give the contact point the velocity r more, as far as the law allows.
 
-    Third, whether the law had no solution and sliding was solved: sticking would pull, or slipping push backwards.
+    The contact bears less than `pull` outwards. Third, whether the law had no solution and sliding was solved: sticking
+    would pull by that, or slipping push backwards.
     """
     slide = (normal @ r) / (normal @ G @ normal) * normal
     if options.law == "sliding":
         return "slide", slide, False
     impulse = np.linalg.solve(G, r)
     along = impulse @ normal
-    if along >= 0.0:
+    if along >= pull:
         return "slide", slide, True
     across = impulse - along * normal
     size = np.linalg.norm(across)
-    if options.law == "sticking" or size <= options.friction * -along:
+    if options.law == "sticking" or size <= friction_bound(options, contact) * (pull - along):
         return "stick", impulse, False
-    direction = options.friction * across / size - normal
-    amount = (normal @ r) / (normal @ G @ direction)
-    return ("slip", amount * direction, False) if amount > 0.0 else ("slide", slide, True)
+    friction, direction = options.friction.kinetic, across / size
+    amount = (friction * pull * (normal @ G @ direction) - normal @ r) / (normal @ G @ (normal - friction * direction))
+    if not amount > -pull:
+        return "slide", slide, True
+    return "slip", friction * (amount + pull) * direction - amount * normal, False

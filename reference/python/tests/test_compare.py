@@ -73,7 +73,7 @@ def without_exterior_rest(network, options, x0, v0, tick, anchor, contact_nodes)
     return local_model.TangentModel(network, patch, x0, v0, tick, False)
 
 
-def components_of_f(ops, f, normal, friction):
+def components_of_f(ops, f, normal, friction, adhesion):
     """(24) read with f_i instead of the constraint forces of (23)."""
     along = (f @ normal)[:, None] * normal
     across = f - along
@@ -96,12 +96,12 @@ CONTROLS = {
     "stale linearisation": (cycle.GlobalNetwork, "linearise", None),
     "exterior velocity not zeroed": (local_model, "build", without_exterior_rest),
     "(24) with f": (tick, "friction_forces", components_of_f),
-    "force dropped to zero at slip": ('options.friction * normal_force * tangential', '0.0 * tangential'),
+    "force dropped to zero at slip": ('options.friction.kinetic * bearing * tangential', '0.0 * tangential'),
     "impulse reported as force": ("Result(mode, force, point, normal, x)", "Result(mode, h * force, point, normal, x)"),
-    "tensile force passed on": ("if normal_force <= 0.0:", "if False:"),
+    "tensile force passed on": ("if normal_force <= -options.adhesion:", "if False:"),
     "rewind left out": ("tau, point = hit", "tau, point = 0.0, hit[1]"),
     "force before the deformation": ("f = model.forces(deformed, v, elapsed)", "f = model.forces(x, v, elapsed)"),
-    "no friction on the mesh at slip": ("f[place] -= friction_forces(ops, f[place], normal, options.friction)", "pass"),
+    "no friction on the mesh at slip": ("f[place] -= friction_forces(ops, f[place], normal, options.friction.kinetic, options.adhesion * weights)", "pass"),
     "wall velocity kept": ("v_new[nodes] = (constraint @ v_new[nodes].ravel()).reshape(-1, 3)", "pass"),
     "stick by Q": ('"stick", multiplier, ops.P', '"stick", multiplier, ops.Q'),
 }
