@@ -5,7 +5,7 @@ import csv
 import numpy as np
 
 from .scene import SceneError
-from .trace import DEVICE_COLUMNS
+from .trace import DEVICE_COLUMNS, ENERGY_COLUMNS
 
 # Relative to the largest value of the quantity in the reference. The same scene with its springs in another order, so
 # with other rounding, differs by at most 2e-13 (3e-15 where nothing runs away): 1e-9 leaves room for another order of
@@ -16,7 +16,8 @@ SAME_POINT = 1e-9
 
 VECTORS = {"force": ("fx", "fy", "fz"), "normal": ("nx", "ny", "nz"), "q": ("qx", "qy", "qz"),
            "device": ("device_x", "device_y", "device_z"), "contact_force": ("contact_fx", "contact_fy", "contact_fz")}
-SCALARS = ("t", "fn", "ft", "kinetic", "elastic", "gravitational", "work", "hand_energy")
+SCALARS = ("t", "fn", "ft", "kinetic", "elastic", "gravitational", "work", "hand_energy", "contact_kinetic",
+           "contact_exchange")
 EXACT = ("mode", "triangle", "model_age", "tick")
 WEIGHTS = ("alpha", "beta", "gamma")
 
@@ -35,6 +36,9 @@ def differences(expected, actual, triangles, positions):
     absent = set(DEVICE_COLUMNS) - set(expected)
     if absent != set(DEVICE_COLUMNS) - set(actual):
         raise SceneError("one of the traces has a device, the other has not")
+    if not set(actual).issuperset(set(expected).intersection(ENERGY_COLUMNS)):
+        raise SceneError("the trace lacks columns of the massless scheme: " + ", ".join(ENERGY_COLUMNS))
+    absent |= set(ENERGY_COLUMNS) - set(expected)
     for name, columns in VECTORS.items():
         if absent.intersection(columns):
             continue

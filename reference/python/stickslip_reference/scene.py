@@ -73,7 +73,7 @@ COVERED = {
     ("local", "tangent"): ("exact", "stabilised"),
     ("local", "integrator"): ("semi-implicit-euler", "implicit-euler", "implicit-midpoint", "exponential"),
     ("contact", "law"): ("sliding", "sticking", "stick-slip"),
-    ("contact", "scheme"): ("geometric", "velocity"),
+    ("contact", "scheme"): ("geometric", "velocity", "massless"),
     ("contact", "surface"): ("faceted", "shaded", "subdivision"),
     ("contact", "deformation"): ("rigid", "least-norm"),
     ("contact", "metric"): ("euclidean", "mass"),
@@ -125,12 +125,16 @@ class Scene:
         if not 0 <= self["sync"].latency_ticks < self.cycle_ticks:
             raise SceneError("sync.latency_ticks must be less than a cycle")
         check_contact(self["contact"])
-        if self["contact"].scheme == "velocity" and {"deformation", "metric"} & set(table["contact"]):
+        scheme = self["contact"].scheme
+        if scheme != "geometric" and {"deformation", "metric"} & set(table["contact"]):
             raise SceneError("contact.deformation and contact.metric go with scheme = \"geometric\"")
         if self["local"].integrator != "semi-implicit-euler" and (
                 self["local"].model == "full" or self["local"].linearization != "tangent"
-                or self["contact"].scheme != "velocity"):
-            raise SceneError(f"local.integrator = {self['local'].integrator!r} needs the tangent and the velocity scheme")
+                or scheme == "geometric"):
+            raise SceneError(f"local.integrator = {self['local'].integrator!r} needs the tangent and the velocity or massless "
+                             "scheme")
+        if scheme == "massless" and self["instrument"].kind == "phantom-1.5":
+            raise SceneError("the reference has no estimate of the tip's velocity from encoders, which the massless scheme takes")
         material = self["material"]
         if (material.damping is None) == (material.damping_ratio is None):
             raise SceneError("[material] needs either damping or damping_ratio")

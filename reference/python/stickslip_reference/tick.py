@@ -12,11 +12,18 @@ RIGID_BELOW = 0.5  # a contact whose free nodes carry less weight than this is r
 
 @dataclass(frozen=True)
 class Contact:
-    """A contact between ticks. `mode` is that of its last tick; under `tension` it exerts no force but is not lost."""
+    """A contact between ticks. `mode` is that of its last tick; under `tension` it exerts no force but is not lost.
+
+    The rest is the massless scheme's, of the last tick: normal force, speed of the tip over the free surface, and the
+    kinetic energy of the contact point along what was held.
+    """
 
     point: Point
     mode: str = "stick"
     tension: bool = False
+    normal_force: float = 0.0
+    u: np.ndarray | None = None
+    kinetic: float = 0.0
 
 
 @dataclass
@@ -39,6 +46,8 @@ class Result:
     at: np.ndarray | None = None
     rigid: bool = False
     fell_back: bool = False  # the law had no solution and was solved as sliding
+    contact_kinetic: float = 0.0  # J, of the directions held (massless)
+    exchanged: tuple = ()  # J: changes of that energy by capture, release, mode, weights or normal (massless)
 
 
 FREE = Result("free", np.zeros(3))

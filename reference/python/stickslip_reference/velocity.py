@@ -22,32 +22,46 @@ def advance(model, surface, options, state, q0, q1, h, elapsed):
         return rigid_tick(surface, options, predicted, point, normal, state.x, q0, q1, h)
 
     r = (q1 - surface.position(point, state.x)) / h - weights @ predicted.v[nodes]
-    at = np.searchsorted(model.patch, nodes)
-    W = np.zeros((3, len(model.patch), 3))
-    W[:, at] = np.eye(3)[:, None, :] * weights[:, None]
-    W = W.reshape(3, -1)
-    if step is None:  # A = M
-        by_impulse_v = np.repeat(model.inverse_mass, 3)[:, None] * W.T
-        by_impulse_x = h * by_impulse_v
-    else:
-        by_impulse_v, by_impulse_x = step.by_impulse_v @ W.T, step.by_impulse_x @ W.T
-    G, GX = W @ by_impulse_v, W @ by_impulse_x
+    response = Response(model, step, nodes, weights, h)
+    G = response.G
     pull = options.adhesion * h  # the impulse that the contact bears
     if (r @ normal) / (normal @ G @ normal) >= pull:
         return kept_under_tension(predicted, state, point)
     mode, impulse, fell_back = impulse_on_mesh(options, state.contact, pull, G, r, normal)
     if not impulse @ normal < pull:
         return kept_under_tension(predicted, state, point)
-    v_new, x_new = predicted.v.copy(), predicted.x.copy()
-    v_new[model.patch] += (by_impulse_v @ impulse).reshape(-1, 3)
-    x_new[model.patch] += (by_impulse_x @ impulse).reshape(-1, 3)
-    # What is left of the way to the tip; none if x advances by h v.
-    gap = q1 - surface.position(point, state.x) - weights @ (x_new - state.x)[nodes]
-    if step is not None:
-        push_x = np.linalg.solve(GX, gap) if mode == "stick" else normal * (normal @ gap) / (normal @ GX @ normal)
-        x_new[model.patch] += (by_impulse_x @ push_x).reshape(-1, 3)
-    return (State(x_new, v_new, Contact(point, mode)),
-            Result(mode, -impulse / h, point, normal, state.x, fell_back=fell_back))
+    place = q1 - surface.position(point, state.x) + weights @ state.x[nodes]
+    after = response.moved(predicted, impulse, place, None if mode == "stick" else normal)
+    after.contact = Contact(point, mode)
+    return after, Result(mode, -impulse / h, point, normal, state.x, fell_back=fell_back)
+
+
+class Response:
+    """What an impulse on the contact point, spread over the tick, does to the patch; G = W A^-1 W^T is what to its velocity."""
+
+    def __init__(self, model, step, nodes, weights, h):
+        self.model, self.step, self.nodes, self.weights = model, step, nodes, weights
+        W = np.zeros((3, len(model.patch), 3))
+        W[:, np.searchsorted(model.patch, nodes)] = np.eye(3)[:, None, :] * weights[:, None]
+        W = W.reshape(3, -1)
+        if step is None:  # A = M
+            self.by_impulse_v = np.repeat(model.inverse_mass, 3)[:, None] * W.T
+            self.by_impulse_x = h * self.by_impulse_v
+        else:
+            self.by_impulse_v, self.by_impulse_x = step.by_impulse_v @ W.T, step.by_impulse_x @ W.T
+        self.G, self.GX = W @ self.by_impulse_v, W @ self.by_impulse_x
+
+    def moved(self, predicted, impulse, place, normal):
+        """The state after the impulse, W x at `place` in all directions, or along `normal` if there is one."""
+        patch = self.model.patch
+        after = State(predicted.x.copy(), predicted.v.copy())
+        after.v[patch] += (self.by_impulse_v @ impulse).reshape(-1, 3)
+        after.x[patch] += (self.by_impulse_x @ impulse).reshape(-1, 3)
+        if self.step is not None:  # the way that is left; none if x advances by h v
+            gap, GX = place - self.weights @ after.x[self.nodes], self.GX
+            push = np.linalg.solve(GX, gap) if normal is None else normal * (normal @ gap) / (normal @ GX @ normal)
+            after.x[patch] += (self.by_impulse_x @ push).reshape(-1, 3)
+        return after
 
 
 def linear_step(model, h):
