@@ -123,11 +123,8 @@ def hand_over(state, old, new, tick, h):
 
 def swallowed(surface, tip, x):
     """A contact for a free tip that the new exterior covers: no motion within a tick would ever show it to collision."""
-    point = surface.nearest(tip, x)
-    offset = tip - surface.position(point, x)
-    if offset @ surface.pseudonormal(point, x) < 0.0 and np.linalg.norm(offset) > ON_SURFACE:
-        return Contact(point, tension=True)
-    return None
+    distance, point = surface.signed_distance(tip, x)
+    return Contact(point, tension=True) if distance < -ON_SURFACE else None
 
 
 def fault_in(network, state, force):

@@ -64,9 +64,6 @@ class LimitSurface(Surface):
         n = np.cross(*(basis.first @ x[basis.nodes]))
         return n / np.linalg.norm(n)
 
-    def pseudonormal(self, point, x):
-        return self.normal(point, x)
-
     def follow(self, q, point, x):
         """The nearest point as one slides there from `point`; None off an open border."""
         found = self.descend(q, point, x)
@@ -175,9 +172,6 @@ class LimitSurface(Surface):
         found = self.nearest_found(q, x)
         height = found.offset @ self.normal(found.point, x)
         return (np.copysign(np.sqrt(found.squared), height) if found.off else height), found.point
-
-    def outside(self, q, x):
-        return self.signed_distance(q, x)[0] > 0.0
 
     def collide(self, q0, q1, x0, x1):
         """The earliest time at which the tip's signed distance turns negative while tip and nodes move linearly.

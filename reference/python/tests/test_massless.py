@@ -220,7 +220,8 @@ def test_equal_coefficients_do_not_stick_and_slip():
 @pytest.mark.parametrize("surface", ["faceted", "subdivision"])
 def test_a_sticking_contact_taken_hold_of_again_slides_until_the_tip_turns(surface):
     """Free of friction, along n only, until the tip's speed over the free mesh has no part along that of the tick before."""
-    path = [[0.0, -0.015, 0.0013, 0.00051], [0.05, -0.015, 0.0013, -0.003], [0.35, 0.018, 0.0013, -0.003]]
+    path = [[0.0, -0.015, 0.0013, 0.00051], [0.05, -0.015, 0.0013, -0.003], [0.35, 0.018, 0.0013, -0.003],
+            [0.4, 0.0, 0.0013, -0.003]]
     _, _, _, ticks = drag("sticking", surface, path=path)
     again = [k for k, (last, tick) in enumerate(zip(ticks, ticks[1:]), 1)
              if last.after.contact is not None and last.after.contact.tension and tick.report.mode != "free"]
