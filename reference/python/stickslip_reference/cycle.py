@@ -7,7 +7,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from . import instrument as instruments
-from . import equilibrium, limit_surface, local_model, massless, operators, velocity
+from . import equilibrium, local_model, massless, operators, spread, velocity
 from . import network as net
 from .phantom import WorkspaceError
 from .scene import SceneError
@@ -62,7 +62,7 @@ class Recorded:
 
 def run(scene, network):
     """Run a scene on a network, lockstep in virtual time."""
-    surface = limit_surface.build(scene["contact"].surface, network.triangles)
+    surface = spread.surface(scene["contact"], network)
     instrument = instruments.build(scene)
     smoothing = instruments.Smoothing(scene["instrument"].smoothing_ticks)
     start = equilibrium.settle(network) if scene.settle else network.nodes.copy()

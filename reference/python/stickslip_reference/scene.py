@@ -25,7 +25,7 @@ DEFAULTS = {
     "local": {"rate": 1000.0, "model": "patch", "rings": 1, "linearization": "tangent", "exterior": "fixed",
               "tangent": "exact", "integrator": "semi-implicit-euler", "condense_rings": "all"},
     "contact": {"law": REQUIRED, "friction": OPTIONAL, "scheme": "geometric", "surface": "faceted",
-                "adhesion": 0.0, "deformation": "rigid", "metric": "euclidean", "wall_stiffness": 1000.0,
+                "radius": 0.0, "adhesion": 0.0, "deformation": "rigid", "metric": "euclidean", "wall_stiffness": 1000.0,
                 "wall_damping": 0.0},
     "instrument": {"kind": "path", "waypoints": OPTIONAL, "file": OPTIONAL, "interpolation": "linear",
                    "smoothing_ticks": 0, "passivity_control": False, "device": OPTIONAL, "hand": OPTIONAL, "coupling": OPTIONAL},
@@ -205,6 +205,10 @@ def check_contact(contact):
         raise SceneError("contact.friction goes with law = \"stick-slip\", and only with it")
     if contact.friction is not OPTIONAL:
         contact["friction"] = read_friction(contact.friction)
+    if not is_number(contact.radius) or not (np.isfinite(contact.radius) and contact.radius >= 0.0):
+        raise SceneError(f"contact.radius = {contact.radius!r} must be a finite number, 0 or more")
+    if contact.radius > 0.0 and contact.surface == "shaded":
+        raise SceneError("contact.radius goes with surface = \"faceted\" or \"subdivision\" in the reference")
     adhesion = contact.adhesion
     if not is_number(adhesion) or not adhesion >= 0.0:
         raise SceneError(f"contact.adhesion = {adhesion!r} must be a number, 0 or more")
