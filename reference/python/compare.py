@@ -74,8 +74,10 @@ def compare(scene_file, folder=None, trace_file=None, network_file=None, out=Non
     actual = trace.read(trace_file or folder / "trace.csv")
     run = cycle.run(read, mesh)
     expected = trace.table(run)
-    found = comparison.differences(expected, actual, mesh.triangles, [row.result.at for row in run.rows])
-    verdict = {"scene": read.name, "fault": run.fault} | comparison.judge(found, len(expected["t"]), len(actual["t"]))
+    allowed = comparison.tolerance(read["contact"])
+    found = comparison.differences(expected, actual, mesh.triangles, [row.result.at for row in run.rows], allowed)
+    verdict = {"scene": read.name, "fault": run.fault}
+    verdict |= comparison.judge(found, len(expected["t"]), len(actual["t"]), allowed)
 
     out = out or folder
     out.mkdir(parents=True, exist_ok=True)

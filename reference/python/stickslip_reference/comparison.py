@@ -5,27 +5,34 @@ import csv
 import numpy as np
 
 from .scene import SceneError
-from .trace import DEVICE_COLUMNS
+from .trace import DEVICE_COLUMNS, ENERGY_COLUMNS
 
 # Relative to the largest value of the quantity in the reference. The same scene with its springs in another order, so
 # with other rounding, differs by at most 2e-13 (3e-15 where nothing runs away): 1e-9 leaves room for another order of
 # operations and for projections solved to 1e-12, and is far below anything a wrong term could do.
 SCALED_TOLERANCE = 1e-9
-# Node weights this close name the same point, whichever of the triangles around it is named.
-SAME_POINT = 1e-9
+# The same where contact is spread, whose weights are integrals by quadrature: to 1e-6 is asked of them.
+SPREAD_TOLERANCE = 1e-5
 
 VECTORS = {"force": ("fx", "fy", "fz"), "normal": ("nx", "ny", "nz"), "q": ("qx", "qy", "qz"),
            "device": ("device_x", "device_y", "device_z"), "contact_force": ("contact_fx", "contact_fy", "contact_fz")}
-SCALARS = ("t", "fn", "ft", "kinetic", "elastic", "gravitational", "work", "hand_energy")
+SCALARS = ("t", "fn", "ft", "kinetic", "elastic", "gravitational", "work", "hand_energy", "contact_kinetic",
+           "contact_exchange")
 EXACT = ("mode", "triangle", "model_age", "tick")
 WEIGHTS = ("alpha", "beta", "gamma")
 
 
-def differences(expected, actual, triangles, positions):
+def tolerance(contact):
+    """What differences may be, for a scene's [contact]."""
+    return SPREAD_TOLERANCE if contact.radius > 0.0 else SCALED_TOLERANCE
+
+
+def differences(expected, actual, triangles, positions, same_point=SCALED_TOLERANCE):
     """Per quantity (absolute, scaled) differences over the ticks both traces have.
 
     `positions` holds per tick the node positions on which the reference located its contact, None when free. Where just
-    one of the traces is free, the contact quantities differ by NaN, which no tolerance accepts.
+    one of the traces is free, the contact quantities differ by NaN, which no tolerance accepts. Node weights as close as
+    `same_point` name the same point, whichever of the triangles around it is named.
     """
     count = min(len(expected["t"]), len(actual["t"]))
     expected = {name: values[:count] for name, values in expected.items()}
@@ -35,6 +42,9 @@ def differences(expected, actual, triangles, positions):
     absent = set(DEVICE_COLUMNS) - set(expected)
     if absent != set(DEVICE_COLUMNS) - set(actual):
         raise SceneError("one of the traces has a device, the other has not")
+    if not set(actual).issuperset(set(expected).intersection(ENERGY_COLUMNS)):
+        raise SceneError("the trace lacks columns of the massless scheme: " + ", ".join(ENERGY_COLUMNS))
+    absent |= set(ENERGY_COLUMNS) - set(expected)
     for name, columns in VECTORS.items():
         if absent.intersection(columns):
             continue
@@ -52,7 +62,7 @@ def differences(expected, actual, triangles, positions):
     weights, points = contact_points(expected, actual, triangles, positions, both_free)
     found["weights"] = weights, weights
     found["point"] = scaled(points, edge_lengths(triangles, positions))
-    wrong_triangle = (expected["triangle"] != actual["triangle"]) & ~(weights <= SAME_POINT)
+    wrong_triangle = (expected["triangle"] != actual["triangle"]) & ~(weights <= same_point)
     for name in EXACT:
         wrong = wrong_triangle if name == "triangle" else expected[name] != actual[name]
         found[name] = wrong.astype(float), wrong.astype(float)
@@ -88,13 +98,13 @@ def contact_points(expected, actual, triangles, positions, both_free):
     return weights, distances
 
 
-def judge(found, expected_rows, actual_rows):
+def judge(found, expected_rows, actual_rows, allowed=SCALED_TOLERANCE):
     """The verdict: per quantity the distribution of its differences and the first tick beyond tolerance."""
     quantities = {}
     for name, (absolute, relative) in found.items():
-        tolerance = 0.0 if name in EXACT else SCALED_TOLERANCE
-        beyond = np.flatnonzero(~(relative <= tolerance))  # NaN is beyond every tolerance
-        quantities[name] = {"tolerance": tolerance, "absolute": distribution(absolute), "scaled": distribution(relative),
+        limit = 0.0 if name in EXACT else allowed
+        beyond = np.flatnonzero(~(relative <= limit))  # NaN is beyond every tolerance
+        quantities[name] = {"tolerance": limit, "absolute": distribution(absolute), "scaled": distribution(relative),
                             "beyond": len(beyond), "first_beyond": int(beyond[0]) if len(beyond) else None}
     same_length = expected_rows == actual_rows
     passed = same_length and expected_rows > 0 and all(entry["beyond"] == 0 for entry in quantities.values())

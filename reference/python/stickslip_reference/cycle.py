@@ -7,7 +7,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from . import instrument as instruments
-from . import equilibrium, limit_surface, local_model, operators, velocity
+from . import equilibrium, local_model, massless, operators, spread, velocity
 from . import network as net
 from .phantom import WorkspaceError
 from .scene import SceneError
@@ -41,6 +41,7 @@ class Run:
     """
 
     h: float
+    massless: bool = False
     rows: list = field(default_factory=list)
     inside_without_contact: int = 0
     fault: str | None = None
@@ -61,7 +62,7 @@ class Recorded:
 
 def run(scene, network):
     """Run a scene on a network, lockstep in virtual time."""
-    surface = limit_surface.build(scene["contact"].surface, network.triangles)
+    surface = spread.surface(scene["contact"], network)
     instrument = instruments.build(scene)
     smoothing = instruments.Smoothing(scene["instrument"].smoothing_ticks)
     start = equilibrium.settle(network) if scene.settle else network.nodes.copy()
@@ -73,8 +74,8 @@ def run(scene, network):
     pending, model, work, age = None, None, 0.0, 0
     if full:
         model = local_model.FullModel(network)
-    step = velocity.advance if scene["contact"].scheme == "velocity" else advance
-    result = Run(scene.h)
+    step = {"geometric": advance, "velocity": velocity.advance, "massless": massless.advance}[scene["contact"].scheme]
+    result = Run(scene.h, scene["contact"].scheme == "massless")
     for tick in range(scene.ticks):
         q0, handed_over = instrument.tip, False
         if not full and tick % scene.cycle_ticks == 0:
@@ -122,11 +123,8 @@ def hand_over(state, old, new, tick, h):
 
 def swallowed(surface, tip, x):
     """A contact for a free tip that the new exterior covers: no motion within a tick would ever show it to collision."""
-    point = surface.nearest(tip, x)
-    offset = tip - surface.position(point, x)
-    if offset @ surface.pseudonormal(point, x) < 0.0 and np.linalg.norm(offset) > ON_SURFACE:
-        return Contact(point, tension=True)
-    return None
+    distance, point = surface.signed_distance(tip, x)
+    return Contact(point, tension=True) if distance < -ON_SURFACE else None
 
 
 def fault_in(network, state, force):
@@ -198,7 +196,8 @@ class GlobalNetwork:
         nodes, weights = support[free], weights[free]
         if weights.sum() < RIGID_BELOW:
             return None
-        mass = self.network.mass[nodes] if self.scene["contact"].metric == "mass" else None
+        contact = self.scene["contact"]
+        mass = self.network.mass[nodes] if contact.metric == "mass" or contact.scheme == "massless" else None
         P = operators.literal(len(nodes), np.arange(len(nodes)), weights, np.array([0.0, 0.0, 1.0]), mass).P
 
         def project(v):

@@ -40,10 +40,7 @@ class LimitSurface(Surface):
     def __init__(self, triangles):
         super().__init__(triangles)
         self.subdivision = Subdivision(self.triangles)
-        owners = [(t, c) for t in range(len(self.triangles)) for c in range(3) if self.neighbours[t, c] < 0]
-        # The border edge that starts and that ends at a node, as (triangle, corner opposite).
-        self.border_from = {int(self.triangles[t, (c + 1) % 3]): (t, c) for t, c in owners}
-        self.border_to = {int(self.triangles[t, (c + 2) % 3]): (t, c) for t, c in owners}
+        self.borders()
         supports = [self.subdivision.patch(triangle)[0] for triangle in range(len(self.triangles))]
         widest = max(len(nodes) for nodes in supports)
         self.hulls = np.array([np.pad(nodes, (0, widest - len(nodes)), mode="edge") for nodes in supports])
@@ -55,17 +52,29 @@ class LimitSurface(Surface):
                                           np.concatenate([basis.nodes for basis in bases]), ends),
                                          shape=(len(bases), int(self.triangles.max()) + 1))
 
+    def borders(self):
+        """The border edge that starts and that ends at a node, as (triangle, corner opposite)."""
+        owners = [(t, c) for t in range(len(self.triangles)) for c in range(3) if self.neighbours[t, c] < 0]
+        self.border_from = {int(self.triangles[t, (c + 1) % 3]): (t, c) for t, c in owners}
+        self.border_to = {int(self.triangles[t, (c + 2) % 3]): (t, c) for t, c in owners}
+
     def support(self, point):
         basis = self.subdivision.basis(point.triangle, point.weights)
         return basis.nodes, basis.value
 
-    def normal(self, point, x):
-        basis = self.subdivision.basis(point.triangle, point.weights)
-        n = np.cross(*(basis.first @ x[basis.nodes]))
-        return n / np.linalg.norm(n)
+    def frame(self, triangle, weights, x):
+        """The point, its first (2, 3) and second (3, 3) derivatives, and the length of an edge."""
+        basis = self.subdivision.basis(triangle, weights)
+        control = x[basis.nodes]
+        return (basis.value @ control, basis.first @ control, basis.second @ control,
+                np.linalg.norm(control[1] - control[0]))
 
-    def pseudonormal(self, point, x):
-        return self.normal(point, x)
+    def position(self, point, x):
+        return self.frame(point.triangle, point.weights, x)[0]
+
+    def normal(self, point, x):
+        n = np.cross(*self.frame(point.triangle, point.weights, x)[1])
+        return n / np.linalg.norm(n)
 
     def follow(self, q, point, x):
         """The nearest point as one slides there from `point`; None off an open border."""
@@ -77,13 +86,11 @@ class LimitSurface(Surface):
         triangle, weights = point.triangle, np.array(point.weights)
         polished = resting = 0
         for _ in range(STEPS):
-            basis = self.subdivision.basis(triangle, weights)
-            control = x[basis.nodes]
-            offset = q - basis.value @ control
-            first = basis.first @ control
+            p, first, second, edge = self.frame(triangle, weights, x)
+            offset = q - p
             metric = first @ first.T
             gradient = -first @ offset
-            uu, uv, vv = -(basis.second @ control) @ offset
+            uu, uv, vv = -second @ offset
             hessian = metric + [[uu, uv], [uv, vv]]
             if not (hessian[0, 0] > 0.0 and determinant(hessian) > 1e-6 * determinant(metric)):
                 hessian = metric
@@ -99,7 +106,6 @@ class LimitSurface(Surface):
                 if (change[weights == 0.0] >= 0.0).all():
                     break
             found = Found(Point(int(triangle), weights), offset, bool(rim))
-            edge = np.linalg.norm(control[1] - control[0])
             if residual <= STATIONARITY * edge:
                 polished += 1
                 if polished > POLISHING:
@@ -127,8 +133,7 @@ class LimitSurface(Surface):
         return found
 
     def squared(self, q, triangle, weights, x):
-        basis = self.subdivision.basis(triangle, weights)
-        offset = q - basis.value @ x[basis.nodes]
+        offset = q - self.frame(triangle, weights, x)[0]
         return offset @ offset
 
     def across(self, triangle, corner, weights):
@@ -175,9 +180,6 @@ class LimitSurface(Surface):
         found = self.nearest_found(q, x)
         height = found.offset @ self.normal(found.point, x)
         return (np.copysign(np.sqrt(found.squared), height) if found.off else height), found.point
-
-    def outside(self, q, x):
-        return self.signed_distance(q, x)[0] > 0.0
 
     def collide(self, q0, q1, x0, x1):
         """The earliest time at which the tip's signed distance turns negative while tip and nodes move linearly.
@@ -232,8 +234,3 @@ def moved(weights, change, share, emptied=None):
     result[largest] = 0.0
     result[largest] = 1.0 - result.sum()
     return result
-
-
-def build(kind, triangles):
-    """The surface of a scene's contact.surface."""
-    return LimitSurface(triangles) if kind == "subdivision" else Surface(triangles, shaded=kind == "shaded")

@@ -3,6 +3,7 @@
 import csv
 import tomllib
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,9 +25,10 @@ DEFAULTS = {
     "local": {"rate": 1000.0, "model": "patch", "rings": 1, "linearization": "tangent", "exterior": "fixed",
               "tangent": "exact", "integrator": "semi-implicit-euler", "condense_rings": "all"},
     "contact": {"law": REQUIRED, "friction": OPTIONAL, "scheme": "geometric", "surface": "faceted",
-                "deformation": "rigid", "metric": "euclidean", "wall_stiffness": 1000.0, "wall_damping": 0.0},
-    "instrument": {"kind": "path", "waypoints": OPTIONAL, "file": OPTIONAL, "smoothing_ticks": 0,
-                   "passivity_control": False, "device": OPTIONAL, "hand": OPTIONAL, "coupling": OPTIONAL},
+                "radius": 0.0, "adhesion": 0.0, "deformation": "rigid", "metric": "euclidean", "wall_stiffness": 1000.0,
+                "wall_damping": 0.0},
+    "instrument": {"kind": "path", "waypoints": OPTIONAL, "file": OPTIONAL, "interpolation": "linear",
+                   "smoothing_ticks": 0, "passivity_control": False, "device": OPTIONAL, "hand": OPTIONAL, "coupling": OPTIONAL},
     "sync": {"mode": "replay", "latency_ticks": 0},
     "run": {"schedule": "lockstep"},
 }
@@ -71,14 +73,22 @@ COVERED = {
     ("local", "tangent"): ("exact", "stabilised"),
     ("local", "integrator"): ("semi-implicit-euler", "implicit-euler", "implicit-midpoint", "exponential"),
     ("contact", "law"): ("sliding", "sticking", "stick-slip"),
-    ("contact", "scheme"): ("geometric", "velocity"),
+    ("contact", "scheme"): ("geometric", "velocity", "massless"),
     ("contact", "surface"): ("faceted", "shaded", "subdivision"),
     ("contact", "deformation"): ("rigid", "least-norm"),
     ("contact", "metric"): ("euclidean", "mass"),
     ("instrument", "kind"): ("path", "recording", "phantom-1.5"),
+    ("instrument", "interpolation"): ("linear", "minimum-jerk"),
     ("sync", "mode"): ("replay", "overwrite"),
     ("run", "schedule"): ("lockstep",),
 }
+
+
+class Friction(NamedTuple):
+    """Coefficients of a contact that sticks, or is new, and of one that slips."""
+
+    static: float
+    kinetic: float
 
 
 class Section(dict):
@@ -114,14 +124,17 @@ class Scene:
         self.cycle_ticks = whole(ticks, "local.rate must be a multiple of global.rate")
         if not 0 <= self["sync"].latency_ticks < self.cycle_ticks:
             raise SceneError("sync.latency_ticks must be less than a cycle")
-        if (self["contact"].law == "stick-slip") != (self["contact"].friction is not None):
-            raise SceneError("contact.friction goes with law = \"stick-slip\", and only with it")
-        if self["contact"].scheme == "velocity" and {"deformation", "metric"} & set(table["contact"]):
+        check_contact(self["contact"])
+        scheme = self["contact"].scheme
+        if scheme != "geometric" and {"deformation", "metric"} & set(table["contact"]):
             raise SceneError("contact.deformation and contact.metric go with scheme = \"geometric\"")
         if self["local"].integrator != "semi-implicit-euler" and (
                 self["local"].model == "full" or self["local"].linearization != "tangent"
-                or self["contact"].scheme != "velocity"):
-            raise SceneError(f"local.integrator = {self['local'].integrator!r} needs the tangent and the velocity scheme")
+                or scheme == "geometric"):
+            raise SceneError(f"local.integrator = {self['local'].integrator!r} needs the tangent and the velocity or massless "
+                             "scheme")
+        if scheme == "massless" and self["instrument"].kind == "phantom-1.5":
+            raise SceneError("the reference has no estimate of the tip's velocity from encoders, which the massless scheme takes")
         material = self["material"]
         if (material.damping is None) == (material.damping_ratio is None):
             raise SceneError("[material] needs either damping or damping_ratio")
@@ -137,8 +150,11 @@ class Scene:
 
     def tip(self, tick):
         """Instrument tip at the start of `tick` (its end is the start of the next)."""
+        times, places = self.waypoints[:, 0], self.waypoints[:, 1:]
         t = tick * self.h
-        return np.array([np.interp(t, self.waypoints[:, 0], self.waypoints[:, axis]) for axis in (1, 2, 3)])
+        if self["instrument"].interpolation == "minimum-jerk":
+            t = minimum_jerk(t, times)
+        return np.array([np.interp(t, times, place) for place in places.T])
 
 
 def load(path):
@@ -170,6 +186,52 @@ def whole(value, message):
     return rounded
 
 
+def minimum_jerk(t, times):
+    """The time at which linear interpolation is where minimum jerk is at t: s = 10 tau^3 - 15 tau^4 + 6 tau^5 of the way.
+
+    T. Flash, N. Hogan, The coordination of arm movements, J. Neurosci. 5 (1985). No velocity or acceleration at waypoints.
+    """
+    if not times[0] <= t < times[-1]:
+        return t
+    piece = int(np.searchsorted(times, t, side="right")) - 1
+    start, end = times[piece], times[piece + 1]
+    tau = (t - start) / (end - start)
+    return start + tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2) * (end - start)
+
+
+def check_contact(contact):
+    """Checks friction and adhesion; makes a friction that is given a Friction."""
+    if (contact.law == "stick-slip") != (contact.friction is not OPTIONAL):
+        raise SceneError("contact.friction goes with law = \"stick-slip\", and only with it")
+    if contact.friction is not OPTIONAL:
+        contact["friction"] = read_friction(contact.friction)
+    if not is_number(contact.radius) or not (np.isfinite(contact.radius) and contact.radius >= 0.0):
+        raise SceneError(f"contact.radius = {contact.radius!r} must be a finite number, 0 or more")
+    if contact.radius > 0.0 and contact.surface == "shaded":
+        raise SceneError("contact.radius goes with surface = \"faceted\" or \"subdivision\" in the reference")
+    adhesion = contact.adhesion
+    if not is_number(adhesion) or not adhesion >= 0.0:
+        raise SceneError(f"contact.adhesion = {adhesion!r} must be a number, 0 or more")
+    if contact.law != "sticking" and not np.isfinite(adhesion):
+        raise SceneError("contact.adhesion = inf goes with law = \"sticking\"")
+
+
+def read_friction(given):
+    pair = given if isinstance(given, dict) else {"static": given, "kinetic": given}
+    if set(pair) != {"static", "kinetic"}:
+        raise SceneError("contact.friction is a number or { static = ..., kinetic = ... }")
+    if not all(is_number(value) and np.isfinite(value) and value >= 0.0 for value in pair.values()):
+        raise SceneError(f"contact.friction = {given!r}: a coefficient must be finite, 0 or more")
+    friction = Friction(**pair)
+    if not friction.static >= friction.kinetic:
+        raise SceneError("contact.friction.static must be at least contact.friction.kinetic")
+    return friction
+
+
+def is_number(value):
+    return type(value) in (int, float)
+
+
 def check_instrument(instrument):
     """Checks the keys of [instrument] but the path; makes the tables of a modelled device Sections."""
     ticks = instrument.smoothing_ticks
@@ -183,6 +245,8 @@ def check_instrument(instrument):
         return
     if instrument.file is not OPTIONAL:
         raise SceneError("instrument.file goes with kind = \"recording\"")
+    if instrument.interpolation != "linear":
+        raise SceneError("instrument.interpolation goes with kind = \"path\" or \"recording\"")
     for part in PHANTOM:
         if part != "coupling" or instrument.coupling is not OPTIONAL:  # without the table there is no coupling
             instrument[part] = read_part(part, {} if instrument[part] is OPTIONAL else instrument[part])

@@ -7,6 +7,7 @@ import numpy as np
 WEIGHT_TOLERANCE = 1e-9  # closed barycentric domain of a collision
 TIME_TOLERANCE = 1e-12  # collisions this close count as simultaneous
 DISTANCE_TOLERANCE = 1e-18  # m^2, squared distances this close count as equal
+ON_FEATURE = 1e-9  # m: a point this close to a vertex or an edge counts as on it
 
 
 @dataclass(frozen=True)
@@ -90,20 +91,38 @@ class Surface:
         weights = np.where(self.triangles[lower] == first, 1.0 - share, 0.0)
         return Point(int(lower), np.where(self.triangles[lower] == second, share, weights))
 
-    def nearest(self, q, x):
-        """Surface point nearest to q: the lowest triangle whose squared distance is within the tolerance of the least."""
+    def nearest_two(self, q, x):
+        """The point nearest to q, and that of the lowest triangle whose squared distance is within the tolerance of it."""
         corners = x[self.triangles]
         weights = nearest_weights(q, corners)
         offset = q - np.einsum("tc,tca->ta", weights, corners)
         squared = (offset * offset).sum(axis=1)
-        triangle = int(np.flatnonzero(squared <= squared.min() + DISTANCE_TOLERANCE)[0])
-        return Point(triangle, weights[triangle])
+        least = int(squared.argmin())
+        lowest = int(np.flatnonzero(squared <= squared[least] + DISTANCE_TOLERANCE)[0])
+        return Point(least, weights[least]), Point(lowest, weights[lowest])
+
+    def nearest(self, q, x):
+        """Surface point nearest to q: the lowest triangle whose squared distance is within the tolerance of the least."""
+        return self.nearest_two(q, x)[1]
+
+    def feature(self, point, x):
+        """Nodes of the vertex, edge or face that a point lies on."""
+        nodes = self.triangles[point.triangle]
+        corners, p = x[nodes], self.position(point, x)
+        distances = np.linalg.norm(corners - p, axis=1)
+        if distances.min() <= ON_FEATURE:
+            return nodes[[distances.argmin()]]
+        edges = np.roll(corners, -2, axis=0) - np.roll(corners, -1, axis=0)  # opposite each corner
+        double_area = np.linalg.norm(np.cross(edges[0], edges[1]))
+        heights = point.weights * double_area / np.linalg.norm(edges, axis=1)
+        corner = int(heights.argmin())
+        return np.delete(nodes, corner) if heights[corner] <= ON_FEATURE else nodes
 
     def pseudonormal(self, point, x):
         """Angle-weighted pseudonormal of the face, edge or vertex the point lies on (not normalised)."""
         crosses = self.face_crosses(x)
         normals = crosses / np.linalg.norm(crosses, axis=1)[:, None]
-        on = self.triangles[point.triangle][point.weights > 0.0]
+        on = self.feature(point, x)
         around = np.isin(self.triangles, on).sum(axis=1) == len(on)
         if len(on) > 1:
             return normals[around].sum(axis=0)
@@ -115,10 +134,15 @@ class Surface:
             total += np.arctan2(np.linalg.norm(np.cross(one, two)), one @ two) * normals[triangle]
         return total
 
+    def signed_distance(self, q, x):
+        """Distance to the closed surface, negative inside, and `nearest`. The sign is that of the nearest point's feature."""
+        least, lowest = self.nearest_two(q, x)
+        offset = q - self.position(least, x)
+        return np.copysign(np.linalg.norm(offset), offset @ self.pseudonormal(least, x)), lowest
+
     def outside(self, q, x):
         """Whether q lies outside the closed surface."""
-        point = self.nearest(q, x)
-        return (q - self.position(point, x)) @ self.pseudonormal(point, x) > 0.0
+        return self.signed_distance(q, x)[0] > 0.0
 
     def collide(self, q0, q1, x0, x1):
         """First passage of the tip from the outer to the inner side while tip and nodes move linearly.

@@ -12,11 +12,18 @@ RIGID_BELOW = 0.5  # a contact whose free nodes carry less weight than this is r
 
 @dataclass(frozen=True)
 class Contact:
-    """A contact between ticks. `mode` is that of its last tick; under `tension` it exerts no force but is not lost."""
+    """A contact between ticks. `mode` is that of its last tick; under `tension` it exerts no force but is not lost.
+
+    The rest is the massless scheme's, of the last tick: normal force, speed of the tip over the free surface, and the
+    kinetic energy of the contact point along what was held.
+    """
 
     point: Point
     mode: str = "stick"
     tension: bool = False
+    normal_force: float = 0.0
+    u: np.ndarray | None = None
+    kinetic: float = 0.0
 
 
 @dataclass
@@ -39,6 +46,8 @@ class Result:
     at: np.ndarray | None = None
     rigid: bool = False
     fell_back: bool = False  # the law had no solution and was solved as sliding
+    contact_kinetic: float = 0.0  # J, of the directions held (massless)
+    exchanged: tuple = ()  # J: changes of that energy by capture, release, mode, weights or normal (massless)
 
 
 FREE = Result("free", np.zeros(3))
@@ -86,22 +95,23 @@ def advance(model, surface, options, state, q0, q1, h, elapsed):
     ops = operators.literal(len(nodes), np.arange(len(nodes)), weights, normal, mass)
     multiplier = operators.contact_force(ops.Qt if options.law == "sliding" else ops.Pt, weights, f[place])
     normal_force = multiplier @ normal
-    if normal_force <= 0.0:
+    if normal_force <= -options.adhesion:
         predicted.contact = replace(state.contact or Contact(point), point=point, tension=True)
         return predicted, FREE
 
     # 5. Law.
     tangential = multiplier - normal_force * normal
     tangential_force = np.linalg.norm(tangential)
+    bearing = normal_force + options.adhesion  # what friction is proportional to
     if options.law == "sliding":
         mode, force, constraint = "slide", multiplier, ops.Q
-    elif options.law == "sticking" or tangential_force <= options.friction * normal_force:
+    elif options.law == "sticking" or tangential_force <= friction_bound(options, state.contact) * bearing:
         mode, force, constraint = "stick", multiplier, ops.P
     else:
         mode, constraint = "slip", ops.Q
-        force = normal_force * normal + options.friction * normal_force * tangential / tangential_force
+        force = normal_force * normal + options.friction.kinetic * bearing * tangential / tangential_force
         f = f.copy()
-        f[place] -= friction_forces(ops, f[place], normal, options.friction)
+        f[place] -= friction_forces(ops, f[place], normal, options.friction.kinetic, options.adhesion * weights)
     v_new = push(model, v, f, rest)
     v_new[nodes] = (constraint @ v_new[nodes].ravel()).reshape(-1, 3)
 
@@ -138,14 +148,24 @@ def push(model, v, f, h):
     return moved
 
 
-def friction_forces(ops, f, normal, friction):
-    """Node forces of frictional sliding (23)-(24), from the components of the constraint forces P~ f."""
+def friction_bound(options, contact):
+    """The coefficient up to which a contact sticks: the kinetic one if it slipped in the last tick."""
+    starts = contact is None or contact.tension or contact.mode == "stick"
+    return options.friction.static if starts else options.friction.kinetic
+
+
+def friction_forces(ops, f, normal, friction, adhesion):
+    """Node forces of frictional sliding (23)-(24), from the components of the constraint forces P~ f.
+
+    `adhesion` is each node's share of the contact's, which adds to the normal force that friction is proportional to.
+    """
     constraint = (ops.Pt @ f.ravel()).reshape(-1, 3)
-    along = (constraint @ normal)[:, None] * normal
+    normal_forces = constraint @ normal
+    along = normal_forces[:, None] * normal
     across = constraint - along
     length = np.linalg.norm(across, axis=1)[:, None]
     direction = np.divide(across, length, out=np.zeros_like(across), where=length > 0.0)
-    return along + friction * np.linalg.norm(along, axis=1)[:, None] * direction
+    return along + friction * np.abs(normal_forces + adhesion)[:, None] * direction
 
 
 def rigid_tick(surface, options, predicted, point, normal, x, q0, q1, h):

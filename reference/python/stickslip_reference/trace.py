@@ -10,6 +10,9 @@ COLUMNS = ("tick t qx qy qz fx fy fz fn ft mode triangle alpha beta gamma nx ny 
            "kinetic elastic gravitational work model_age").split()
 # After the others, of an instrument that is a modelled device.
 DEVICE_COLUMNS = "device_x device_y device_z contact_fx contact_fy contact_fz hand_energy".split()
+# After those, of the massless scheme: kinetic energy of what is held, and the sum of its changes at the price of the mesh.
+ENERGY_COLUMNS = ["contact_kinetic", "contact_exchange"]
+FURTHER_COLUMNS = DEVICE_COLUMNS + ENERGY_COLUMNS
 CONTACT_COLUMNS = ("triangle", "alpha", "beta", "gamma", "nx", "ny", "nz")  # empty in free ticks
 MODES = ("free", "stick", "slide", "slip")
 NO_TRIANGLE = -1
@@ -41,7 +44,10 @@ def table(run):
     if rows and rows[0].device:
         columns |= zip(("contact_fx", "contact_fy", "contact_fz"), np.array([result.force for result in results]).T)
         columns |= {name: np.array([row.device[name] for row in rows]) for name in rows[0].device}
-    return {name: columns[name] for name in (*COLUMNS, *DEVICE_COLUMNS) if name in columns}
+    if run.massless:
+        columns["contact_kinetic"] = np.array([result.contact_kinetic for result in results])
+        columns["contact_exchange"] = np.cumsum([sum(result.exchanged) for result in results])
+    return {name: columns[name] for name in (*COLUMNS, *DEVICE_COLUMNS, *ENERGY_COLUMNS) if name in columns}
 
 
 def write(columns, path):
@@ -58,7 +64,7 @@ def write(columns, path):
 
 
 def read(path):
-    """Read a trace.csv; of further columns those of a device are kept. A number that reads NaN is kept as NaN."""
+    """Read a trace.csv; of further columns those of a device and of the massless scheme are kept, NaN as NaN."""
     try:
         with open(path, newline="") as file:
             rows = list(csv.reader(file))
@@ -69,9 +75,9 @@ def read(path):
     if any(len(row) != len(rows[0]) for row in rows):
         raise SceneError(f"{path}: rows of different length")
     cells = {name: np.array([row[index] for row in rows[1:]], dtype=str) for index, name in enumerate(rows[0])
-             if index < len(COLUMNS) or name in DEVICE_COLUMNS}
-    # A trace without a device leaves its columns empty.
-    cells = {name: values for name, values in cells.items() if name not in DEVICE_COLUMNS or (values != "").any()}
+             if index < len(COLUMNS) or name in FURTHER_COLUMNS}
+    # A trace without a device, or of another scheme, may leave these columns empty.
+    cells = {name: values for name, values in cells.items() if name not in FURTHER_COLUMNS or (values != "").any()}
     unknown = set(cells["mode"].tolist()) - set(MODES)
     if unknown:
         raise SceneError(f"{path}: unknown modes {sorted(unknown)}")
@@ -102,5 +108,6 @@ def summary(columns, run):
             "largest_force": float(size.max(initial=0.0)), "largest_fn": float(columns["fn"].max(initial=0.0)),
             "largest_ft": float(columns["ft"].max(initial=0.0)),
             "first_contact_tick": next((t for t, m in enumerate(columns["mode"]) if m != "free"), None),
+            "contact_energy_created_j": sum(max(0.0, energy) for row in run.rows for energy in row.result.exchanged),
             "rigid_ticks": sum(row.result.rigid for row in run.rows),
             "inside_without_contact": run.inside_without_contact, "fault": run.fault}

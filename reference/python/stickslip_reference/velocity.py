@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from . import integrators
-from .tick import FREE, RIGID_BELOW, Contact, Result, State, free_support, locate, push, rigid_tick
+from .tick import FREE, RIGID_BELOW, Contact, Result, State, free_support, friction_bound, locate, push, rigid_tick
 
 
 def advance(model, surface, options, state, q0, q1, h, elapsed):
@@ -22,31 +22,46 @@ def advance(model, surface, options, state, q0, q1, h, elapsed):
         return rigid_tick(surface, options, predicted, point, normal, state.x, q0, q1, h)
 
     r = (q1 - surface.position(point, state.x)) / h - weights @ predicted.v[nodes]
-    if r @ normal >= 0.0:
+    response = Response(model, step, nodes, weights, h)
+    G = response.G
+    pull = options.adhesion * h  # the impulse that the contact bears
+    if (r @ normal) / (normal @ G @ normal) >= pull:
         return kept_under_tension(predicted, state, point)
-    at = np.searchsorted(model.patch, nodes)
-    W = np.zeros((3, len(model.patch), 3))
-    W[:, at] = np.eye(3)[:, None, :] * weights[:, None]
-    W = W.reshape(3, -1)
-    if step is None:  # A = M
-        by_impulse_v = np.repeat(model.inverse_mass, 3)[:, None] * W.T
-        by_impulse_x = h * by_impulse_v
-    else:
-        by_impulse_v, by_impulse_x = step.by_impulse_v @ W.T, step.by_impulse_x @ W.T
-    G, GX = W @ by_impulse_v, W @ by_impulse_x
-    mode, impulse, fell_back = impulse_on_mesh(options, G, r, normal)
-    if not impulse @ normal < 0.0:
+    mode, impulse, fell_back = impulse_on_mesh(options, state.contact, pull, G, r, normal)
+    if not impulse @ normal < pull:
         return kept_under_tension(predicted, state, point)
-    v_new, x_new = predicted.v.copy(), predicted.x.copy()
-    v_new[model.patch] += (by_impulse_v @ impulse).reshape(-1, 3)
-    x_new[model.patch] += (by_impulse_x @ impulse).reshape(-1, 3)
-    # What is left of the way to the tip; none if x advances by h v.
-    gap = q1 - surface.position(point, state.x) - weights @ (x_new - state.x)[nodes]
-    if step is not None:
-        push_x = np.linalg.solve(GX, gap) if mode == "stick" else normal * (normal @ gap) / (normal @ GX @ normal)
-        x_new[model.patch] += (by_impulse_x @ push_x).reshape(-1, 3)
-    return (State(x_new, v_new, Contact(point, mode)),
-            Result(mode, -impulse / h, point, normal, state.x, fell_back=fell_back))
+    place = q1 - surface.position(point, state.x) + weights @ state.x[nodes]
+    after = response.moved(predicted, impulse, place, None if mode == "stick" else normal)
+    after.contact = Contact(point, mode)
+    return after, Result(mode, -impulse / h, point, normal, state.x, fell_back=fell_back)
+
+
+class Response:
+    """What an impulse on the contact point, spread over the tick, does to the patch; G = W A^-1 W^T is what to its velocity."""
+
+    def __init__(self, model, step, nodes, weights, h):
+        self.model, self.step, self.nodes, self.weights = model, step, nodes, weights
+        W = np.zeros((3, len(model.patch), 3))
+        W[:, np.searchsorted(model.patch, nodes)] = np.eye(3)[:, None, :] * weights[:, None]
+        W = W.reshape(3, -1)
+        if step is None:  # A = M
+            self.by_impulse_v = np.repeat(model.inverse_mass, 3)[:, None] * W.T
+            self.by_impulse_x = h * self.by_impulse_v
+        else:
+            self.by_impulse_v, self.by_impulse_x = step.by_impulse_v @ W.T, step.by_impulse_x @ W.T
+        self.G, self.GX = W @ self.by_impulse_v, W @ self.by_impulse_x
+
+    def moved(self, predicted, impulse, place, normal):
+        """The state after the impulse, W x at `place` in all directions, or along `normal` if there is one."""
+        patch = self.model.patch
+        after = State(predicted.x.copy(), predicted.v.copy())
+        after.v[patch] += (self.by_impulse_v @ impulse).reshape(-1, 3)
+        after.x[patch] += (self.by_impulse_x @ impulse).reshape(-1, 3)
+        if self.step is not None:  # the way that is left; none if x advances by h v
+            gap, GX = place - self.weights @ after.x[self.nodes], self.GX
+            push = np.linalg.solve(GX, gap) if normal is None else normal * (normal @ gap) / (normal @ GX @ normal)
+            after.x[patch] += (self.by_impulse_x @ push).reshape(-1, 3)
+        return after
 
 
 def linear_step(model, h):
@@ -74,22 +89,25 @@ def kept_under_tension(predicted, state, point):
     return predicted, FREE
 
 
-def impulse_on_mesh(options, G, r, normal):
-    """Mode and impulse that give the contact point the velocity r more, as far as the law allows; r goes inwards.
+def impulse_on_mesh(options, contact, pull, G, r, normal):
+    """Mode and impulse that give the contact point the velocity r more, as far as the law allows.
 
-    Third, whether the law had no solution and sliding was solved: sticking would pull, or slipping push backwards.
+    The contact bears less than `pull` outwards. Third, whether the law had no solution and sliding was solved: sticking
+    would pull by that, or slipping push backwards.
     """
     slide = (normal @ r) / (normal @ G @ normal) * normal
     if options.law == "sliding":
         return "slide", slide, False
     impulse = np.linalg.solve(G, r)
     along = impulse @ normal
-    if along >= 0.0:
+    if along >= pull:
         return "slide", slide, True
     across = impulse - along * normal
     size = np.linalg.norm(across)
-    if options.law == "sticking" or size <= options.friction * -along:
+    if options.law == "sticking" or size <= friction_bound(options, contact) * (pull - along):
         return "stick", impulse, False
-    direction = options.friction * across / size - normal
-    amount = (normal @ r) / (normal @ G @ direction)
-    return ("slip", amount * direction, False) if amount > 0.0 else ("slide", slide, True)
+    friction, direction = options.friction.kinetic, across / size
+    amount = (friction * pull * (normal @ G @ direction) - normal @ r) / (normal @ G @ (normal - friction * direction))
+    if not amount > -pull:
+        return "slide", slide, True
+    return "slip", friction * (amount + pull) * direction - amount * normal, False

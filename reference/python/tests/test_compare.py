@@ -12,6 +12,7 @@ import pytest
 from setups import scene
 from stickslip_reference import comparison, cycle, local_model, tick, trace
 from stickslip_reference import network as net
+from stickslip_reference.scene import SceneError
 from stickslip_reference.surface import Point, Surface
 
 HERE = Path(__file__).parents[1]
@@ -73,7 +74,7 @@ def without_exterior_rest(network, options, x0, v0, tick, anchor, contact_nodes)
     return local_model.TangentModel(network, patch, x0, v0, tick, False)
 
 
-def components_of_f(ops, f, normal, friction):
+def components_of_f(ops, f, normal, friction, adhesion):
     """(24) read with f_i instead of the constraint forces of (23)."""
     along = (f @ normal)[:, None] * normal
     across = f - along
@@ -96,12 +97,12 @@ CONTROLS = {
     "stale linearisation": (cycle.GlobalNetwork, "linearise", None),
     "exterior velocity not zeroed": (local_model, "build", without_exterior_rest),
     "(24) with f": (tick, "friction_forces", components_of_f),
-    "force dropped to zero at slip": ('options.friction * normal_force * tangential', '0.0 * tangential'),
+    "force dropped to zero at slip": ('options.friction.kinetic * bearing * tangential', '0.0 * tangential'),
     "impulse reported as force": ("Result(mode, force, point, normal, x)", "Result(mode, h * force, point, normal, x)"),
-    "tensile force passed on": ("if normal_force <= 0.0:", "if False:"),
+    "tensile force passed on": ("if normal_force <= -options.adhesion:", "if False:"),
     "rewind left out": ("tau, point = hit", "tau, point = 0.0, hit[1]"),
     "force before the deformation": ("f = model.forces(deformed, v, elapsed)", "f = model.forces(x, v, elapsed)"),
-    "no friction on the mesh at slip": ("f[place] -= friction_forces(ops, f[place], normal, options.friction)", "pass"),
+    "no friction on the mesh at slip": ("f[place] -= friction_forces(ops, f[place], normal, options.friction.kinetic, options.adhesion * weights)", "pass"),
     "wall velocity kept": ("v_new[nodes] = (constraint @ v_new[nodes].ravel()).reshape(-1, 3)", "pass"),
     "stick by Q": ('"stick", multiplier, ops.P', '"stick", multiplier, ops.Q'),
 }
@@ -237,8 +238,8 @@ def test_compare_passes_on_the_references_own_trace(files, tmp_path):
     assert len((tmp_path / "reference-differences.csv").read_text().splitlines()) == 101
 
 
-@pytest.mark.parametrize("contact", ['surface = "subdivision"', 'scheme = "velocity"',
-                                     'surface = "subdivision", scheme = "velocity"'])
+@pytest.mark.parametrize("contact", ['surface = "subdivision"', 'scheme = "velocity"', 'scheme = "massless"',
+                                     'surface = "subdivision", scheme = "velocity"', 'adhesion = 0.1, scheme = "massless"'])
 def test_compare_takes_every_surface_and_scheme(files, tmp_path, contact):
     text = (files / "scene.toml").read_text()
     (tmp_path / "scene.toml").write_text(text.replace("friction = 1.0", f"friction = 1.0, {contact}"))
@@ -248,6 +249,23 @@ def test_compare_takes_every_surface_and_scheme(files, tmp_path, contact):
     done = compare(tmp_path, tmp_path, network=files / "network.json")
     assert done.returncode == 0, done.stdout + done.stderr
     assert (tmp_path / "trace.csv").read_text() != (files / "trace.csv").read_text()
+
+
+def test_columns_of_the_massless_scheme_are_compared():
+    read = scene(duration=0.2, contact={"scheme": "massless"})
+    network = net.block(read)
+    expected = cycle.run(read, network)
+    columns = columns_of(expected)
+    assert list(columns)[-2:] == ["contact_kinetic", "contact_exchange"] and compared(expected, network, columns)["pass"]
+    for name in ("contact_kinetic", "contact_exchange"):
+        assert np.abs(columns[name]).max() > 1e-9
+        for change in (np.nan, 1e-6 * np.abs(columns[name]).max()):
+            wrong = columns | {name: columns[name].copy()}
+            wrong[name][150] += change
+            verdict = compared(expected, network, wrong)
+            assert not verdict["pass"] and verdict["quantities"][name]["first_beyond"] == 150
+        with pytest.raises(SceneError):
+            compared(expected, network, {key: values for key, values in columns.items() if key != name})
 
 
 def test_compare_exit_codes(files, tmp_path):

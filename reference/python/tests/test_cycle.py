@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from setups import DEEP, scene
-from stickslip_reference import cycle, local_model, trace, velocity
+from stickslip_reference import cycle, local_model, massless, trace, velocity
 from stickslip_reference import network as net
 from stickslip_reference.scene import SceneError
 from stickslip_reference.surface import Point, Surface
@@ -95,8 +95,9 @@ def test_runaway_is_a_fault_and_keeps_the_rows_before_it():
     assert 850 <= len(columns["tick"]) < 900 and np.isfinite(force(columns)).all()
 
 
-@pytest.mark.parametrize("contact", [{}, {"surface": "subdivision"}, {"scheme": "velocity", "surface": "subdivision"}],
-                         ids=["faceted", "subdivision", "velocity"])
+@pytest.mark.parametrize("contact", [{}, {"surface": "subdivision"}, {"scheme": "velocity", "surface": "subdivision"},
+                                     {"scheme": "massless", "surface": "subdivision"}],
+                         ids=["faceted", "subdivision", "velocity", "massless"])
 def test_patch_of_everything_without_linearisation_is_the_full_model(within, contact):
     _, local = run(duration=0.5, local={"rings": "all", "linearization": "none"}, contact=contact)
     _, full = run(duration=0.5, local={"model": "full"}, contact=contact)
@@ -229,7 +230,7 @@ def test_options_stay_near_the_full_model(sections):
 
 @pytest.mark.parametrize("law", ["sliding", "sticking", "stick-slip"])
 @pytest.mark.parametrize("surface", ["faceted", "shaded", "subdivision"])
-@pytest.mark.parametrize("scheme", ["geometric", "velocity"])
+@pytest.mark.parametrize("scheme", ["geometric", "velocity", "massless"])
 def test_lifting_off_keeps_the_contact_until_the_tip_is_outside(law, surface, scheme):
     """A fast lift puts the contact under tension; a free tick without a kept contact has the tip outside."""
     waypoints = [[0.0, 0.001, 0.0013, 0.00103], [0.1, 0.001, 0.0013, -0.004], [0.2, 0.004, 0.0013, -0.004],
@@ -238,7 +239,7 @@ def test_lifting_off_keeps_the_contact_until_the_tip_is_outside(law, surface, sc
                  contact={"surface": surface, "scheme": scheme})
     network = net.block(read)
     seen = []
-    module = velocity if scheme == "velocity" else cycle
+    module = {"geometric": cycle, "velocity": velocity, "massless": massless}[scheme]
     original = module.advance
 
     def watched(model, surface, options, state, q0, q1, h, elapsed):

@@ -170,6 +170,41 @@ def test_pseudonormal_weighs_by_angle_not_by_triangles(within):
     within("pseudonormal of a box corner", np.abs(n / np.linalg.norm(n) - np.sqrt(1 / 3)).max(), WEIGHT_TOLERANCE)
 
 
+# One tetrahedron, apex up; between its two lower edges on the side of x = 0.04 the edge is convex.
+TETRAHEDRON = np.array([[0.0, 0.0, 0.0], [0.04, 0.0, 0.0], [0.0, 0.04, 0.0], [0.03, 0.03, 0.02]])
+FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 2, 1, 0), (2, 0, 3, 1)])
+def test_the_side_of_a_convex_edge_or_vertex_is_the_same_whichever_triangle_is_named(order):
+    """Tenths of a nanometre off, where triangles tie and one triangle's own normal gives the wrong side."""
+    surface, x = Surface(FACES[list(order)]), TETRAHEDRON
+    centre = x.mean(axis=0)
+    assert surface.outside(np.array([0.03499999993535752, 0.015000000151492561, 0.009999999740439913]), x)
+    rng = np.random.default_rng(12)
+    sides = {True: 0, False: 0}
+    for _ in range(300):
+        edge = rng.choice(4, 2, replace=False)
+        share = rng.choice([0.0, rng.uniform()])
+        p = (1.0 - share) * x[edge[0]] + share * x[edge[1]]
+        q = p + rng.choice([2e-10, 7e-10, 5e-9]) * rng.normal(size=3)
+        height = max((q - x[face[0]]) @ np.cross(x[face[1]] - x[face[0]], x[face[2]] - x[face[0]])
+                     / np.linalg.norm(np.cross(x[face[1]] - x[face[0]], x[face[2]] - x[face[0]])) for face in FACES)
+        if abs(height) < 1e-13:  # round-off of centimetres is 1e-17
+            continue
+        assert surface.outside(q, x) == (height > 0.0)
+        sides[height > 0.0] += 1
+    assert min(sides.values()) > 20 and not surface.outside(centre, x)
+
+
+def test_features_are_told_within_a_nanometre():
+    surface, x = Surface(FACES), TETRAHEDRON
+    triangle = 2  # 1, 2, 3
+    for weights, count in (([0.5, 0.2, 0.3], 3), ([0.5, 0.5, 0.0], 2), ([0.5, 0.5 - 1e-8, 1e-8], 2), ([0.5, 0.5 - 1e-6, 1e-6], 3),
+                           ([1.0, 0.0, 0.0], 1), ([1.0 - 1e-8, 0.0, 1e-8], 1), ([1.0 - 1e-6, 0.0, 1e-6], 2)):
+        assert len(surface.feature(Point(triangle, np.array(weights)), x)) == count
+
+
 @pytest.mark.parametrize("shaded", [False, True])
 def test_projection_is_along_the_normal(within, shaded):
     rng = np.random.default_rng(9)

@@ -1,0 +1,117 @@
+"""One local tick of the massless scheme: the mesh follows the tip, and the instrument feels the forces without the inertia
+of the contact point.
+
+The mesh moves as under the velocity scheme. What the instrument feels, and whether the contact pulls, sticks or slips, is
+asked of the forces at the state in which the tick ends.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .tick import FREE, RIGID_BELOW, Contact, Result, State, free_support, locate, rigid_tick
+from .velocity import Response, linear_step, predict
+
+
+@dataclass(frozen=True)
+class Hold:
+    """What the contact holds of its point in a tick: everything, or only the way along n."""
+
+    everything: bool
+    impulse: np.ndarray  # on the mesh, N s
+    friction_share: float = 1.0  # of the kinetic friction, where less of it stops the slip
+
+
+def advance(model, surface, options, state, q0, q1, h, elapsed):
+    """One tick, as `velocity.advance`; `Result` has the kinetic energy of what is held, and what of it changed hands."""
+    step = linear_step(model, h)
+    predicted = predict(model, step, state, h, elapsed)
+    before = state.contact.kinetic if state.contact else 0.0
+    let_go = (before,) if state.contact else ()
+    hit = locate(surface, state, predicted, q0, q1)
+    if hit is None:
+        return predicted, replace(FREE, exchanged=let_go)
+    _, point = hit
+    normal = surface.normal(point, state.x)
+    nodes, weights = free_support(model, surface, point)
+    if weights.sum() < RIGID_BELOW:
+        after, report = rigid_tick(surface, options, predicted, point, normal, state.x, q0, q1, h)
+        return after, replace(report, exchanged=let_go)
+
+    # The mesh follows the tip along what is held.
+    response = Response(model, step, nodes, weights, h)
+    drift = weights @ predicted.v[nodes]
+    r = (q1 - surface.position(point, state.x)) / h - drift
+    u = across((q1 - q0) / h - drift, normal)
+    hold = choose(options, state.contact, response.G, r, u, normal, h)
+    place = q1 - surface.position(point, state.x) + weights @ state.x[nodes]
+    after = response.moved(predicted, hold.impulse, place, None if hold.everything else normal)
+
+    # What the forces at the tick's end put on the contact point.
+    inverse_mass = model.network.inverse_mass[nodes]
+    size = weights**2 @ inverse_mass
+    forces = model.forces(after.x, after.v, elapsed + h)[np.searchsorted(model.patch, nodes)]
+    multiplier = (weights * inverse_mass) @ forces / size
+
+    def kinetic(v):
+        held = weights @ v[nodes]
+        return 0.5 * (held @ held if hold.everything else (held @ normal) ** 2) / size
+
+    exchanged = (before - kinetic(state.v),)
+    mode, force = felt(options, hold, multiplier, u, normal)
+    if mode == "tension":
+        after.contact = Contact(point, tension=True)
+        return after, replace(FREE, exchanged=(*exchanged, kinetic(after.v)))
+    after.contact = Contact(point, mode, normal_force=multiplier @ normal, u=u, kinetic=kinetic(after.v))
+    return after, Result(mode, force, point, normal, state.x, contact_kinetic=after.contact.kinetic, exchanged=exchanged)
+
+
+def across(vector, normal):
+    return vector - (vector @ normal) * normal
+
+
+def choose(options, contact, G, r, u, normal, h):
+    """The Hold of a tick, before its forces are known."""
+    everything = Hold(True, np.linalg.solve(G, r))
+    sliding = Hold(False, (normal @ r) / (normal @ G @ normal) * normal)
+    if options.law == "sliding":
+        return sliding
+    # A contact after rigid ones has no force and no slip to remember either.
+    taken_again = contact is not None and (contact.tension or (contact.mode != "stick" and contact.u is None))
+    if options.law == "sticking":
+        slides = contact is not None and (taken_again or (contact.mode == "slide" and not u @ contact.u <= 0.0))
+        return sliding if slides else everything
+    if contact is None or (contact.mode == "stick" and not contact.tension):
+        return everything
+    # Slip, from the friction of the tick before: as much of it as does not turn the slip round.
+    stops = across(np.linalg.solve(G, (normal @ r) * normal + u), normal)
+    needed = np.linalg.norm(stops)
+    friction = h * options.friction.kinetic * ((0.0 if taken_again else contact.normal_force) + options.adhesion)
+    speed = np.linalg.norm(u)
+    share = 1.0
+    if needed <= friction:
+        if not taken_again:
+            return everything
+        tangential, share = stops, needed / friction if friction > 0.0 else 0.0
+    else:
+        tangential = friction * u / speed if speed > 0.0 else np.zeros(3)
+    along = normal * (normal @ (r - G @ tangential)) / (normal @ G @ normal)
+    return Hold(False, along + tangential, share)
+
+
+def felt(options, hold, multiplier, u, normal):
+    """Mode and force on the instrument, N, from the forces at the tick's end; mode "tension" where the contact lets go."""
+    normal_force, tangential = multiplier @ normal, across(multiplier, normal)
+    if normal_force <= -options.adhesion:
+        return "tension", np.zeros(3)
+    if options.law != "stick-slip":
+        return ("stick", multiplier) if hold.everything else ("slide", normal_force * normal)
+    bearing = normal_force + options.adhesion
+    if not hold.everything:
+        speed = np.linalg.norm(u)
+        against = -u / speed if speed > 0.0 else np.zeros(3)
+        return "slip", normal_force * normal + hold.friction_share * options.friction.kinetic * bearing * against
+    size = np.linalg.norm(tangential)
+    if size <= options.friction.static * bearing:
+        return "stick", multiplier
+    return "slip", normal_force * normal + options.friction.kinetic * bearing * tangential / size
