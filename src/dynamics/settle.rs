@@ -145,7 +145,8 @@ impl Residual {
         let mut force = still.clone();
         network.forces(x, &still, &mut force);
         statics.free_part(&mut force);
-        let largest = force.iter().map(Vec3::norm).fold(0.0, |a, b| if b <= a { a } else { b });
+        let larger = |a: f64, b: f64| if b <= a || a.is_nan() { a } else { b };
+        let largest = force.iter().map(Vec3::norm).fold(0.0, larger);
         let elastic = network.springs.elastic_energy(x);
         let fallen = |force: &ExternalForce| -> f64 {
             let nodes = network.mass.iter().zip(x).zip(&network.rest);
