@@ -5,9 +5,9 @@ use stickslip::local::model::{ExteriorKind, Linearization, LocalSettings};
 use stickslip::local::patch::Extent;
 use stickslip::local::step::LocalIntegrator;
 use stickslip::model::springs::TangentKind;
-use stickslip::scene::{Rings, Scene};
+use stickslip::scene::{Rings, SHIPPED, Scene};
 use stickslip::verify::accuracy::{
-    Assessment, Coverage, Method, PAPER, PAPER_RATE_HZ, Reference, Status, Touching, grid,
+    Assessment, Coverage, Grid, Method, PAPER, PAPER_RATE_HZ, REFINEMENT, Reference, Status, Touching, grid,
 };
 
 use crate::check::{PRESS_AND_DRAG, Worst, shipped, small_scene};
@@ -135,7 +135,7 @@ fn grids_hold_the_paper_the_scene_and_nothing_twice() {
             assert!(methods.contains(&paper) && methods.contains(&Method::of(&scene)), "{local}");
             assert!(methods.iter().enumerate().all(|(i, method)| !methods[..i].contains(method)), "{local}");
             assert!(methods.iter().all(|method| grid.contacts.contains(&method.touching)));
-            assert_eq!((grid.contacts[0], grid.left_out.len()), (touching, 0));
+            assert_eq!((grid.contacts[0], grid.omitted.len()), (touching, 0));
         }
         assert!(few.methods.iter().all(|method| many.methods.contains(method)), "{local}");
     }
@@ -144,7 +144,7 @@ fn grids_hold_the_paper_the_scene_and_nothing_twice() {
     late.global.latency_ticks = 50;
     let late = grid(&late, Coverage::Default).expect("a grid");
     assert!(late.methods.iter().all(|method| method.global_rate == 10.0));
-    assert!(late.left_out.len() == 1 && late.left_out[0].contains("50 Hz"), "{:?}", late.left_out);
+    assert!(late.omitted.len() == 1 && late.omitted[0].contains("50 Hz"), "{:?}", late.omitted);
 }
 
 /// A method's scene has its settings, and the length of the global side's substeps is unchanged.
@@ -158,4 +158,21 @@ fn methods_become_scenes() {
     let names = method.names();
     assert_eq!((names.rings, names.exterior, names.tangent), (Rings::Count(1), Some("fixed"), Some("exact")));
     assert_eq!(method.to_string(), "1 ring, tangent, fixed, exact, 50 Hz");
+}
+
+/// Every scene of the study passes the check of scenes, for each shipped scene with which the study is possible.
+#[test]
+fn every_scene_of_the_accuracy_passes_its_check() {
+    for entry in SHIPPED {
+        let scene = shipped(entry.name);
+        let Grid { methods, contacts, .. } = grid(&scene, Coverage::All).expect("a grid");
+        let references = contacts.iter().flat_map(|&touching| {
+            let coarse = Reference::scene(&scene, touching);
+            let rate_hz = coarse.local_rate_hz() * f64::from(REFINEMENT);
+            [coarse.clone(), coarse.with_local_rate_hz(rate_hz).expect("a rate")]
+        });
+        for own in methods.iter().map(|method| method.scene(&scene)).chain(references) {
+            assert!(own.check().is_ok(), "{}, {}: {:?}", entry.name, Method::of(&own), own.check());
+        }
+    }
 }

@@ -1,6 +1,15 @@
 //! Messages of the program about invalid scenes, meshes and recordings.
 
+use std::error::Error;
 use std::fs;
+use std::io;
+use std::path::Path;
+
+use stickslip::mesh_file::MeshFile;
+use stickslip::output::files::write_file;
+use stickslip::scene::Scene;
+use stickslip::session::Session;
+use stickslip::verify::baseline::Store;
 
 use super::{Folder, GOOD, run, stderr, stickslip};
 
@@ -462,4 +471,32 @@ fn bad_recordings_are_named_with_their_line() {
     }
     folder.write("tip.csv", "t,x,y,z\n0,0,0,0.01\n0.5,0,0,-0.002\n");
     assert_eq!(run(&scene, &folder.path("out")).status.code(), Some(0));
+}
+
+/// Programs find the cause of an error as its source, whatever the error is wrapped in.
+#[test]
+fn errors_keep_their_sources() {
+    fn kind(error: &dyn Error) -> Option<io::ErrorKind> {
+        let source = error.source()?;
+        source.downcast_ref::<io::Error>().map(io::Error::kind).or_else(|| kind(source))
+    }
+    let folder = Folder::new("sources");
+    let file = folder.write("file", "");
+    let missing = folder.path("missing.vtk");
+    let scene = folder.write("scene.toml", &GOOD.replace(BLOCK, &format!("kind = \"file\"\npath = {missing:?}")));
+    let found = [
+        kind(&Scene::load(&missing).expect_err("no scene")),
+        kind(&Scene::load(&scene).expect_err("no mesh")),
+        kind(&MeshFile::read(&missing, 1 << 20).expect_err("no mesh")),
+        kind(&Session::load(&missing).expect_err("no session")),
+    ];
+    assert_eq!(found, [Some(io::ErrorKind::NotFound); 4]);
+    let found = [
+        kind(&Store::Folder(file.clone()).load("below").expect_err("a file is no folder")),
+        kind(&write_file(&file.join("below"), b"").expect_err("a file is no folder")),
+    ];
+    assert_eq!(found, [Some(io::ErrorKind::NotADirectory); 2]);
+    let baseline = folder.write("empty.json", "{}");
+    let baselines = Path::parent(&baseline).expect("a folder").to_owned();
+    assert!(Store::Folder(baselines).load("empty").expect_err("no baseline").source().is_some());
 }

@@ -237,7 +237,9 @@ fn only_accept_with_a_reason_changes_a_baseline_and_keeps_what_was() {
     let read = || fs::read_to_string(folder.path(&format!("baselines/{SCENE}.json"))).expect("a baseline");
 
     for reason in [&[][..], &["--reason", ""], &["--reason", "  "]] {
-        assert_eq!(accept(&folder, reason).status.code(), Some(2), "{reason:?}");
+        let output = accept(&folder, reason);
+        assert_eq!(output.status.code(), Some(2), "{reason:?}");
+        assert!(stderr(&output).contains("--reason"), "{}", stderr(&output));
         assert_eq!(read(), before.to_string());
     }
     assert_eq!(stickslip(&["check", "--reason", "because"]).status.code(), Some(2));

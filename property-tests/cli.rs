@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use assert_cmd::Command;
+use stickslip::scene::SHIPPED;
 use stickslip::verify::extremes::{EXTREMES, Extreme};
 
 /// The shipped stick-slip scene, from which every bad scene is made by one replacement.
@@ -145,7 +146,20 @@ fn an_output_folder_that_cannot_be_is_named() {
     let file = folder.write("file", "");
     let output = run(Path::new("fig3-sliding"), &file.join("below"));
     assert_eq!(output.status.code(), Some(2));
-    assert!(stderr(&output).contains("cannot write"), "{}", stderr(&output));
+    let message = stderr(&output);
+    assert!(message.contains("cannot write") && message.contains("--out DIR"), "{message}");
+}
+
+/// Names can be copied out of messages: lines do not break at their hyphens.
+#[test]
+fn names_stay_whole_in_messages() {
+    let message = stderr(&stickslip(&["run", "no-such-scene"]));
+    assert!(message.lines().count() > 3, "no line is broken: {message}");
+    for shipped in SHIPPED {
+        assert!(message.contains(shipped.name), "{} is not in\n{message}", shipped.name);
+    }
+    // The cause is a part of the message, and is not told twice.
+    assert_eq!(message.matches("No such file").count(), 1, "{message}");
 }
 
 #[test]
@@ -222,9 +236,9 @@ fn explain_tells_sizes_limits_and_what_is_left_out() {
     let output = stickslip(&["explain", "fig3-sliding"]);
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert_eq!(output.status.code(), Some(0));
-    let left_out = text.split("\nOmitted\n").nth(1).expect("a list");
+    let omitted = text.split("\nOmitted\n").nth(1).expect("a list");
     for part in ["friction", "sticking operator P", "gravity", "vertex normals"] {
-        assert!(left_out.contains(part), "{part} is not in\n{left_out}");
+        assert!(omitted.contains(part), "{part} is not in\n{omitted}");
     }
     assert!(text.contains("42 × 84") && text.contains("stable up to 2.869 ms") && !text.contains("Warning"), "{text}");
 

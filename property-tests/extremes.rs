@@ -8,7 +8,7 @@ use stickslip::multirate::messages::CycleMessage;
 use stickslip::multirate::trajectory::{PathRecording, Trajectory};
 use stickslip::pipeline::Simulation;
 use stickslip::surface::geometry::ContactSurface;
-use stickslip::verify::extremes::{EXTREMES, Expected, Extreme, FaultKind, Got, Quantity, Variant};
+use stickslip::verify::extremes::{EXTREMES, Expected, Extreme, FaultKind, Outcome, Quantity, Variant};
 
 #[test]
 fn every_extreme_ends_as_expected() {
@@ -16,11 +16,11 @@ fn every_extreme_ends_as_expected() {
     for extreme in EXTREMES {
         for variant in extreme.variants() {
             let expected = extreme.expected(variant);
-            let got = extreme.run(variant, &expected);
-            let (name, contact, outcome) = (extreme.name, extreme.contact(variant), got.name());
-            println!("RESIDUAL | extremes | {name}, {contact} | {expected} | {got}");
-            if !expected.is_met_by(&got) {
-                differ.push(format!("{name}, {contact}: expected {expected}, got {outcome}: {got}"));
+            let outcome = extreme.run(variant, &expected);
+            let (name, contact, word) = (extreme.name, extreme.contact(variant), outcome.name());
+            println!("RESIDUAL | extremes | {name}, {contact} | {expected} | {outcome}");
+            if !expected.is_met_by(&outcome) {
+                differ.push(format!("{name}, {contact}: expected {expected}, got {word}: {outcome}"));
             }
         }
     }
@@ -55,18 +55,18 @@ fn a_wrong_expectation_is_not_met() {
     let wrong: [(&str, Expected); 7] = [
         ("rest-60s", Expected::Fault(FaultKind::Runaway)),
         ("rest-60s", Expected::Refused("tip")),
-        ("stiffness-1e8", Expected::Answer(&[])),
+        ("stiffness-1e8", Expected::Completes(&[])),
         ("stiffness-1e8", Expected::Fault(FaultKind::ForceNotFinite)),
         // The spring's force is 0.34 N, not 0.35.
-        ("one-free-node", Expected::Answer(&[(Quantity::Ends(0.35), 0.01)])),
+        ("one-free-node", Expected::Completes(&[(Quantity::Ends(0.35), 0.01)])),
         // What sticks differs from what slides, however recent its models are.
-        ("friction-10", Expected::Answer(&[(Quantity::OrderInAge(|scene| scene.contact.law = Law::Sliding), 0.9)])),
+        ("friction-10", Expected::Completes(&[(Quantity::OrderInAge(|scene| scene.contact.law = Law::Sliding), 0.9)])),
         // No model fell back, because nothing is condensed.
-        ("one-free-node", Expected::Answer(&[(Quantity::FellBack, 0.01)])),
+        ("one-free-node", Expected::Completes(&[(Quantity::FellBack, 0.01)])),
     ];
     for (name, expected) in wrong {
-        let got = extreme(name).run(Variant::AsGiven, &expected);
-        assert!(!expected.is_met_by(&got), "{name}: {expected} by {got}");
+        let outcome = extreme(name).run(Variant::AsGiven, &expected);
+        assert!(!expected.is_met_by(&outcome), "{name}: {expected} by {outcome}");
     }
 }
 
@@ -81,19 +81,25 @@ fn no_expectation_is_met_by_a_panic_a_hang_or_nan() {
         tip: Vec3::zeros(),
         model_age: 0,
     };
-    let passed_through = Got::Answer { measured: Vec::new(), tunnelling_ticks: 1 };
+    let passed_through = Outcome::Completed { measured: Vec::new(), tunnelling_ticks: 1 };
     let expectations =
-        [Expected::Answer(&[]), Expected::Fault(FaultKind::Runaway), Expected::Refused("inside the surface")];
+        [Expected::Completes(&[]), Expected::Fault(FaultKind::Runaway), Expected::Refused("inside the surface")];
     for expected in expectations {
-        for got in [Got::Panicked, Got::Hung, passed_through.clone(), Got::Fault(fault), Got::Refused("no".into())] {
-            assert!(!expected.is_met_by(&got), "{expected} by {got}");
+        for outcome in [
+            Outcome::Panicked,
+            Outcome::Hung,
+            passed_through.clone(),
+            Outcome::Fault(fault),
+            Outcome::Refused("no".into()),
+        ] {
+            assert!(!expected.is_met_by(&outcome), "{expected} by {outcome}");
         }
     }
     // These quantities are NaN: nothing slips without friction, and nothing is in balance without a force.
-    let expected = Expected::Answer(&[(Quantity::Balance, f64::INFINITY)]);
-    let got = extreme("rest-60s").run(Variant::AsGiven, &expected);
-    assert!(matches!(&got, Got::Answer { measured, .. } if measured[0].value.is_nan()), "{got}");
-    assert!(!expected.is_met_by(&got), "{got}");
+    let expected = Expected::Completes(&[(Quantity::Balance, f64::INFINITY)]);
+    let outcome = extreme("rest-60s").run(Variant::AsGiven, &expected);
+    assert!(matches!(&outcome, Outcome::Completed { measured, .. } if measured[0].value.is_nan()), "{outcome}");
+    assert!(!expected.is_met_by(&outcome), "{outcome}");
 }
 
 /// Rest for 24 h need not be simulated at 1 kHz: a tick leaves every bit as it was, and so does a cycle

@@ -80,7 +80,7 @@ fn the_report_is_one_page_that_needs_nothing_else() {
         assert!(row["cells"] == 4 || row["cells"] == 6, "{row}");
     }
     assert_eq!(
-        json["provenance"]["left_out"].as_array().expect("a list").last(),
+        json["provenance"]["omitted"].as_array().expect("a list").last(),
         Some(&"elasticity of finer meshes".into())
     );
 }

@@ -192,3 +192,16 @@ fn a_standing_chain_falls_over() {
     let x = settle(&network).unwrap_or_else(|error| panic!("{error}"));
     assert!(x[7].z > 0.7, "the last node is at {}", x[7]);
 }
+
+/// A force that is not a number is no equilibrium, whatever comes after it. The second free node alone would be in
+/// equilibrium: its weight is below round-off of the springs, 1e-14 k L = 1e-13 N.
+#[test]
+fn a_force_that_is_no_number_is_no_equilibrium() {
+    let spring = |end| Spring { nodes: [0, end], stiffness: 100.0, damping: 0.0, rest_length: 0.1 };
+    let nodes = vec![Vec3::zeros(), Vec3::z() * -0.1, Vec3::x() * 0.1];
+    let mass = vec![1.0, f64::NAN, 1e-15];
+    let network =
+        Network::from_parts(nodes, mass, vec![true, false, false], &[spring(1), spring(2)], gravity(Vec3::z() * -G));
+    let settled = settle(&network);
+    assert!(matches!(settled, Err(SettleError::NotSettled { residual_n, .. }) if residual_n.is_nan()), "{settled:?}");
+}

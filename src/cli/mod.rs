@@ -25,11 +25,14 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use miette::{Diagnostic, MietteHandlerOpts, Report, ReportHandler};
+use textwrap::WordSplitter;
 
 use self::report::ReportArguments;
 use self::terminal::{Asked, say};
-use crate::output::files::WriteError;
+use crate::output::files::{RunFilesError, WriteError};
 use crate::scene::{Expectation, SHIPPED, Scene, SceneError};
+use crate::verify::accept::AcceptError;
 
 /// No verdict is FAIL or INCONCLUSIVE, and no fault ended a run.
 const PASS: u8 = 0;
@@ -189,6 +192,8 @@ fn after_help() -> String {
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let Arguments { command, asked } = Arguments::parse_from(arguments);
     terminal::ask(asked);
+    // It can be set once in a process; whoever has set another keeps it.
+    let _ = miette::set_hook(Box::new(layout));
     let done = match command.unwrap_or_else(|| Command::Report(ReportArguments::default())) {
         Command::Report(arguments) => report::report(&arguments),
         Command::Run(arguments) => run::run(&arguments),
@@ -206,9 +211,28 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Ok(code) => ExitCode::from(code),
         Err(error) => {
             eprintln!("{error:?}");
+            if let Some(option) = option(&error) {
+                eprintln!("{option}");
+            }
             ExitCode::from(USAGE)
         }
     }
+}
+
+/// Lays out an error. Names with hyphens stay whole, so that they can be copied, and a cause that the message has told is
+/// not repeated.
+fn layout(error: &(dyn Diagnostic + 'static)) -> Box<dyn ReportHandler> {
+    let options = MietteHandlerOpts::new().word_splitter(WordSplitter::NoHyphenation);
+    let is_told = error.source().is_some_and(|cause| error.to_string().contains(&cause.to_string()));
+    Box::new(if is_told { options.without_cause_chain() } else { options }.build())
+}
+
+/// Returns which option of the command line the advice on an error is about; the library knows none.
+fn option(error: &Report) -> Option<&'static str> {
+    if error.is::<WriteError>() || matches!(error.downcast_ref(), Some(RunFilesError::Write(_))) {
+        return Some("Option: --out DIR");
+    }
+    matches!(error.downcast_ref(), Some(AcceptError::NoReason)).then_some("Option: --reason TEXT")
 }
 
 /// Reads a scene like [`read`] and prints its warnings on standard error.

@@ -20,7 +20,7 @@ use super::{FAIL, PASS, folder, load};
 use crate::output::files::{write_file, write_json};
 use crate::pipeline::Simulation;
 use crate::scene::Scene;
-use crate::verify::extremes::{EXTREMES, Extreme, Got, Measured, Variant};
+use crate::verify::extremes::{EXTREMES, Extreme, Measured, Outcome, Variant};
 use crate::verify::stability_map::{Axis, Boundary, MapError, TOLERANCE, Touching, boundaries, points};
 use crate::verify::z_width::{WallLimit, ZWidthError};
 
@@ -42,7 +42,7 @@ pub struct StabilityFile {
     z_width: Vec<WallLimit>,
     extremes: Vec<ExtremeEntry>,
     /// Extreme scenes omitted from a report.
-    left_out: Vec<String>,
+    omitted: Vec<String>,
 }
 
 /// Extent of the study.
@@ -60,7 +60,7 @@ struct ExtremeEntry {
     contact: String,
     variant: Variant,
     expected: String,
-    got: &'static str,
+    outcome: &'static str,
     detail: String,
     measured: Vec<Measured>,
     as_expected: bool,
@@ -120,8 +120,8 @@ fn is_explained(boundary: &Boundary) -> bool {
 fn look(scene: &Scene, coverage: Coverage) -> miette::Result<StabilityFile> {
     let (points, walls) = (points(), z_width::points());
     let is_covered = |extreme: &&Extreme| coverage == Coverage::All || !LONG.contains(&extreme.name);
-    let left_out = EXTREMES.iter().filter(|extreme| !is_covered(extreme)).map(|extreme| extreme.name.to_owned());
-    let left_out: Vec<String> = left_out.collect();
+    let omitted = EXTREMES.iter().filter(|extreme| !is_covered(extreme)).map(|extreme| extreme.name.to_owned());
+    let omitted: Vec<String> = omitted.collect();
     let covered = EXTREMES.iter().filter(is_covered);
     let extremes: Vec<(&Extreme, Variant)> =
         covered.flat_map(|extreme| extreme.variants().into_iter().map(move |variant| (extreme, variant))).collect();
@@ -153,7 +153,7 @@ fn look(scene: &Scene, coverage: Coverage) -> miette::Result<StabilityFile> {
         no_maps,
         z_width: walls,
         extremes,
-        left_out,
+        omitted,
     })
 }
 
@@ -162,20 +162,20 @@ fn entry(extreme: &'static Extreme, variant: Variant) -> ExtremeEntry {
     let expected = extreme.expected(variant);
     let (done, result) = channel();
     thread::spawn(move || done.send(extreme.run(variant, &expected)));
-    let got = result.recv_timeout(PATIENCE).unwrap_or_else(|error| match error {
-        RecvTimeoutError::Timeout => Got::Hung,
-        RecvTimeoutError::Disconnected => Got::Panicked,
+    let outcome = result.recv_timeout(PATIENCE).unwrap_or_else(|error| match error {
+        RecvTimeoutError::Timeout => Outcome::Hung,
+        RecvTimeoutError::Disconnected => Outcome::Panicked,
     });
     ExtremeEntry {
         scene: extreme.name,
         contact: extreme.contact(variant),
         variant,
         expected: expected.to_string(),
-        got: got.name(),
-        detail: got.to_string(),
-        as_expected: expected.is_met_by(&got),
-        measured: match got {
-            Got::Answer { measured, .. } => measured,
+        outcome: outcome.name(),
+        detail: outcome.to_string(),
+        as_expected: expected.is_met_by(&outcome),
+        measured: match outcome {
+            Outcome::Completed { measured, .. } => measured,
             _ => Vec::new(),
         },
     }
@@ -209,7 +209,7 @@ fn in_parallel<T: Sync, R: Send>(items: &[T], progress: &mut Progress, of: impl 
 const EXTREME_HEAD: [&str; 5] = ["extreme scene", "contact", "expected result", "result", "detail"];
 
 fn extreme_row(entry: &ExtremeEntry) -> [String; 5] {
-    [entry.scene, &entry.contact, &entry.expected, entry.got, &entry.detail].map(str::to_owned)
+    [entry.scene, &entry.contact, &entry.expected, entry.outcome, &entry.detail].map(str::to_owned)
 }
 
 fn extremes_table(extremes: &[ExtremeEntry]) -> Table {
@@ -312,7 +312,7 @@ fn figure(_: Axis, _: &[Boundary]) -> miette::Result<String> {
 }
 
 fn section(file: &StabilityFile) -> miette::Result<Markup> {
-    let StabilityFile { scene, maps, no_maps, z_width: walls, extremes, left_out, .. } = file;
+    let StabilityFile { scene, maps, no_maps, z_width: walls, extremes, omitted, .. } = file;
     let figures = Axis::ALL.map(|axis| figure(axis, maps)).into_iter().collect::<miette::Result<Vec<_>>>()?;
     let extreme = |entry: &ExtremeEntry| Row {
         class: (!entry.as_expected).then(|| "unexpected".to_owned()),
@@ -349,8 +349,8 @@ fn section(file: &StabilityFile) -> miette::Result<Markup> {
             "Scenes with extreme parameters. Each is expected to end with a correct result, checked by a quantity that \
              is known independently, or with a named error or fault."
         }
-        @if !left_out.is_empty() {
-            p { "Omitted from this report, as they take long: " (left_out.join(", ")) "." }
+        @if !omitted.is_empty() {
+            p { "Omitted from this report, as they take long: " (omitted.join(", ")) "." }
         }
         (page::table("words", EXTREME_HEAD, extremes.iter().map(extreme)))
     })

@@ -80,7 +80,8 @@ impl Worker {
     /// Completes a step for some nodes, from the springs' forces on.
     fn finish(&mut self, network: &Network, h: f64, nodes: Range<usize>, constraint: &impl Constraint) {
         let arch = Arch::new();
-        self.columns.accelerate(arch, network, nodes.clone());
+        let Network { mass, inverse_mass, external, .. } = network;
+        self.columns.accelerate(arch, mass, inverse_mass, external, nodes.clone());
         // Nodes that another thread moves have no acceleration here; old values must not remain.
         let constrained =
             || constraint.nodes(0.0).iter().map(|&node| node as usize).filter(|node| nodes.contains(node));

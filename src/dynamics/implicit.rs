@@ -8,7 +8,7 @@ use thiserror::Error;
 
 use super::constraint::Constraint;
 use crate::model::network::Network;
-use crate::model::springs::TangentKind;
+use crate::model::springs::{TangentKind, spring_blocks};
 use crate::model::state::{ExternalForce, State};
 use crate::{Mat3, Vec3};
 
@@ -233,13 +233,9 @@ impl Newton {
             let [i, j] = spring.nodes.map(|node| node as usize);
             let (k, d) = spring.jacobian(state.x[j] - state.x[i], state.v[j] - state.v[i], TangentKind::Exact);
             let block = (k * h + d) * h;
-            let (row, column) = (self.number[i], self.number[j]);
-            for (own, other) in [(row, column), (column, row)] {
-                if own != GIVEN {
-                    add(own, own, block);
-                    if other != GIVEN {
-                        add(own, other, -block);
-                    }
+            for (row, column, sign) in spring_blocks([self.number[i], self.number[j]]) {
+                if row != GIVEN && column != GIVEN {
+                    add(row, column, block * sign);
                 }
             }
         }

@@ -5,6 +5,7 @@ use thiserror::Error;
 use super::statics::Statics;
 use crate::Vec3;
 use crate::model::network::Network;
+use crate::model::search::breadth_first;
 use crate::model::springs::TangentKind;
 use crate::model::state::ExternalForce;
 
@@ -23,6 +24,7 @@ const SHIFTS: [f64; 5] = [0.0, 1e-6, 1e-4, 1e-2, 1.0];
 
 /// A reason why there is no equilibrium to start from.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
+#[non_exhaustive]
 pub enum SettleError {
     /// A piece of the network has no fixed node.
     #[error("node {node} is connected to no fixed node, so it falls and never settles")]
@@ -115,17 +117,9 @@ fn weight(force: &ExternalForce, mass: f64) -> f64 {
 
 /// Finds a free node from which no fixed one is reached along springs.
 fn floating(network: &Network) -> Option<u32> {
-    let mut reached = network.fixed.clone();
-    let mut front: Vec<u32> = (0..).zip(&reached).filter(|(_, is)| **is).map(|(node, _)| node).collect();
-    while let Some(node) = front.pop() {
-        for link in network.links(node) {
-            if !reached[link.other as usize] {
-                reached[link.other as usize] = true;
-                front.push(link.other);
-            }
-        }
-    }
-    (0..).zip(reached).find(|(_, is)| !is).map(|(node, _)| node)
+    let fixed = (0..).zip(&network.fixed).filter(|(_, is)| **is).map(|(node, _)| node);
+    let (_, is_held) = breadth_first(network.node_count(), fixed, u32::MAX, |node| network.neighbours(node));
+    (0..).zip(is_held).find(|(_, is)| !is).map(|(node, _)| node)
 }
 
 /// Forces on free nodes, and the energy of which they are the negative gradient.
@@ -145,7 +139,8 @@ impl Residual {
         let mut force = still.clone();
         network.forces(x, &still, &mut force);
         statics.free_part(&mut force);
-        let largest = force.iter().map(Vec3::norm).fold(0.0, |a, b| if b <= a { a } else { b });
+        let larger = |a: f64, b: f64| if b <= a || a.is_nan() { a } else { b };
+        let largest = force.iter().map(Vec3::norm).fold(0.0, larger);
         let elastic = network.springs.elastic_energy(x);
         let fallen = |force: &ExternalForce| -> f64 {
             let nodes = network.mass.iter().zip(x).zip(&network.rest);

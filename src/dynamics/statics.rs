@@ -6,7 +6,7 @@ use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
 use faer::sparse::{SparseColMat, Triplet};
 
 use crate::model::network::Network;
-use crate::model::springs::TangentKind;
+use crate::model::springs::{TangentKind, spring_blocks};
 use crate::{Mat3, Vec3};
 
 /// Marks a component that is held.
@@ -107,11 +107,8 @@ impl Statics {
         for spring in network.springs.iter() {
             let [i, j] = spring.nodes.map(|node| node as usize);
             let (block, _) = spring.jacobian(x[j] - x[i], Vec3::zeros(), kind);
-            let (i, j) = (self.number[i], self.number[j]);
-            for (own, other) in [(i, j), (j, i)] {
-                add(own, own, &block, 1.0);
-                add(own, other, &block, -1.0);
-            }
+            let blocks = spring_blocks([self.number[i], self.number[j]]);
+            blocks.into_iter().for_each(|(row, column, sign)| add(row, column, &block, sign));
         }
         SparseColMat::try_new_from_triplets(self.unknowns, self.unknowns, &triplets).ok()
     }

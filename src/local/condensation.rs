@@ -18,7 +18,7 @@ use super::coarse::Grid;
 use super::elimination::{BlockPlace, Couplings, Elimination, FactorCost, NotDefinite, nested_dissection};
 use super::patch::Patch;
 use crate::model::network::Network;
-use crate::model::springs::{Spring, TangentKind};
+use crate::model::springs::{Spring, TangentKind, spring_blocks};
 use crate::word::words;
 use crate::{Mat3, Vec3};
 
@@ -223,7 +223,7 @@ impl Condensed {
             let [i, j] = spring.nodes.map(|slot| slot as usize);
             let (block, _) = spring.jacobian(place(j) - place(i), Vec3::zeros(), self.tangent);
             scale = scale.max(spring.stiffness);
-            for (row, column, sign) in [(i, i, 1.0), (j, j, 1.0), (j, i, -1.0), (i, j, -1.0)] {
+            for (row, column, sign) in spring_blocks([i, j]) {
                 if row < m && column < m {
                     let mut entry = stiffness.fixed_view_mut::<3, 3>(3 * row, 3 * column);
                     entry += block * sign;

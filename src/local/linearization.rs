@@ -6,7 +6,7 @@ use pulp::Arch;
 
 use super::patch::Patch;
 use crate::model::simd::vectorize;
-use crate::model::springs::TangentKind;
+use crate::model::springs::{TangentKind, spring_blocks};
 use crate::model::state::ExternalForce;
 use crate::{Mat3, Vec3};
 
@@ -106,12 +106,14 @@ impl LinearForces {
             // The lower slot of a patch spring is always in the patch; the upper may be boundary.
             let [i, j] = spring.nodes.map(|slot| slot as usize);
             let (along_x, along_v) = spring.jacobian(x[j] - x[i], v[j] - v[i], kind);
-            forces.add_block(i, i, &-along_x, &-along_v);
-            if j < m {
-                forces.add_block(i, j, &along_x, &along_v);
-                forces.add_block(j, i, &along_x, &along_v);
-                forces.add_block(j, j, &-along_x, &-along_v);
-            } else if let (Some(drift), Some(velocity)) = (&mut forces.drift, exterior_velocity) {
+            for (row, column, sign) in spring_blocks([i, j]) {
+                if row < m && column < m {
+                    forces.add_block(row, column, &(along_x * -sign), &(along_v * -sign));
+                }
+            }
+            if j >= m
+                && let (Some(drift), Some(velocity)) = (&mut forces.drift, exterior_velocity)
+            {
                 drift[i] += along_x * velocity[j - m];
             }
         }

@@ -17,8 +17,7 @@ use crate::model::topology::SurfaceError;
 /// assert!(matches!(error.problem(), MeshProblem::Extension));
 /// assert!(error.problem().advice().contains("meshio converts others"));
 /// ```
-#[derive(Debug, Error)]
-#[error("{}{}: {}", path.display(), flaw.place, flaw.problem)]
+#[derive(Debug)]
 pub struct MeshFileError {
     path: PathBuf,
     flaw: Flaw,
@@ -32,6 +31,19 @@ impl MeshFileError {
     /// Returns the problem with the file.
     pub fn problem(&self) -> &MeshProblem {
         &self.flaw.problem
+    }
+}
+
+impl fmt::Display for MeshFileError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}{}: {}", self.path.display(), self.flaw.place, self.flaw.problem)
+    }
+}
+
+impl std::error::Error for MeshFileError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        // The problem is what the message says, and is no cause of it.
+        self.flaw.problem.source()
     }
 }
 
@@ -71,10 +83,11 @@ impl fmt::Display for Place {
 
 /// Problem with a mesh file. Nodes and elements are counted from 0, in the order of the file.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum MeshProblem {
     /// The file cannot be read.
     #[error("cannot be read: {0}")]
-    Unreadable(std::io::Error),
+    Unreadable(#[source] std::io::Error),
     /// The file's extension is not `.msh`, `.vtk` or `.vtu`.
     #[error("is not a mesh file by its extension")]
     Extension,

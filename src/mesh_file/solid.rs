@@ -5,8 +5,9 @@ use super::{Cells, FileMesh, surface, unique_edges};
 use crate::Vec3;
 use crate::model::mesh::Mesh;
 
-/// Ratio of six volumes to the cube of the longest edge, below which a tetrahedron is flat. Rounding of 64-bit
-/// coordinates cannot make the ratio so small, and rounding of 32-bit ones makes it no smaller than 1e-7 by chance.
+/// Ratio of six volumes to the cube of the longest edge, below which a tetrahedron is flat. Rounding of 64-bit coordinates
+/// gives a flat one a ratio of up to 2.6e-16 at the origin, and 4e-10 a million edges away from it (measured, 20,000 each).
+/// In 32-bit coordinates it is up to 1.2e-7 at the origin; such a tetrahedron is accepted, since it may be a real sliver.
 const FLAT: f64 = 1e-9;
 
 /// A tetrahedron's faces, anticlockwise from outside if it is positively oriented.

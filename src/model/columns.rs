@@ -4,7 +4,6 @@ use std::ops::Range;
 
 use pulp::Arch;
 
-use super::network::Network;
 use super::simd::vectorize;
 use super::state::{ExternalForce, REST_SPEED, State};
 use crate::Vec3;
@@ -129,14 +128,22 @@ impl Columns {
         self.axes().f.into_iter().for_each(|f| f[nodes.clone()].fill(0.0));
     }
 
-    /// Turns the springs' forces on some nodes into accelerations, a = M⁻¹(f + gravity and drag).
-    pub(crate) fn accelerate(&mut self, arch: Arch, network: &Network, nodes: Range<usize>) {
-        let (mass, inverse_mass) = (&network.mass[nodes.clone()], &network.inverse_mass[nodes.clone()]);
+    /// Turns the springs' forces on some nodes into accelerations, a = M⁻¹(f + gravity and drag). Masses, kg, and inverse
+    /// masses, 1/kg, are those of all nodes.
+    pub(crate) fn accelerate(
+        &mut self,
+        arch: Arch,
+        mass: &[f64],
+        inverse_mass: &[f64],
+        external: &[ExternalForce],
+        nodes: Range<usize>,
+    ) {
+        let (mass, inverse_mass) = (&mass[nodes.clone()], &inverse_mass[nodes.clone()]);
         let Axes { v, f, .. } = self.axes();
         vectorize(arch, || {
             for (axis, (f, v)) in f.into_iter().zip(v).enumerate() {
                 let (f, v) = (&mut f[nodes.clone()], &v[nodes.clone()]);
-                for force in &network.external {
+                for force in external {
                     match force {
                         ExternalForce::Gravity(g) => f.iter_mut().zip(mass).for_each(|(f, m)| *f += g[axis] * m),
                         ExternalForce::Drag(b) => f.iter_mut().zip(v).for_each(|(f, v)| *f -= v * b),

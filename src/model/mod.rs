@@ -4,6 +4,7 @@ pub mod columns;
 pub mod material;
 pub mod mesh;
 pub mod network;
+pub mod search;
 pub(crate) mod simd;
 pub mod springs;
 pub mod state;

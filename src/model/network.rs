@@ -39,6 +39,7 @@ impl Material {
 
 /// Reason why a mesh and a material make no network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum NetworkError {
     /// The number of values differs from the number of nodes or edges.
     #[error("`{quantity}` has {found} values; the mesh needs {needed}")]
@@ -196,6 +197,11 @@ impl Network {
     pub fn links(&self, node: u32) -> &[Link] {
         let i = node as usize;
         &self.links[self.link_start[i] as usize..self.link_start[i + 1] as usize]
+    }
+
+    /// Returns the nodes at the other ends of a node's springs.
+    pub fn neighbours(&self, node: u32) -> impl Iterator<Item = u32> {
+        self.links(node).iter().map(|link| link.other)
     }
 
     /// Returns the state in which no spring is stretched and nothing moves.

@@ -337,6 +337,12 @@ impl Spring {
     }
 }
 
+/// Returns where a spring's Jacobian stands in the matrix −∂f/∂x or −∂f/∂v of a network, in which the ends have these places:
+/// row, column and sign of each block.
+pub(crate) fn spring_blocks<Place: Copy>([i, j]: [Place; 2]) -> [(Place, Place, f64); 4] {
+    [(i, i, 1.0), (i, j, -1.0), (j, j, 1.0), (j, i, -1.0)]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

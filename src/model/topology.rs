@@ -5,7 +5,7 @@ use thiserror::Error;
 use super::mesh::Mesh;
 
 /// Reason why a list of triangles is no valid contact surface.
-#[derive(Debug, Error, PartialEq, Eq)]
+#[derive(Debug, Clone, Error, PartialEq, Eq)]
 pub enum SurfaceError {
     /// A triangle names one node twice.
     #[error("surface triangle {triangle} names a node twice: {nodes:?}")]

@@ -21,7 +21,7 @@ use crate::scene::{Scene, SceneError};
 /// A file or folder that cannot be written.
 #[derive(Debug, Error, Diagnostic)]
 #[error("cannot write {path}")]
-#[diagnostic(help("give a folder that can be written with --out DIR"))]
+#[diagnostic(help("give a folder that can be written"))]
 pub struct WriteError {
     /// Path of the file or folder.
     pub path: PathBuf,

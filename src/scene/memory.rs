@@ -5,6 +5,7 @@ use crate::local::model::{ExteriorKind, Linearization, LocalSettings};
 use crate::local::patch::Extent;
 use crate::local::step::LocalIntegrator;
 use crate::model::mesh::Mesh;
+use crate::model::search::breadth_first;
 use crate::scene::MeshSource;
 use crate::scene::error::Problem;
 
@@ -139,21 +140,7 @@ fn largest_neighbourhood(mesh: &Mesh, rings: u32) -> u128 {
     let centres = mesh.triangles.iter().step_by(mesh.triangles.len().div_ceil(LOOKED_AT).max(1));
     let crowded = (0..mesh.nodes.len() as u32).max_by_key(|&node| neighbours[node as usize].len());
     let counts = centres.map(|corners| corners[0]).chain(crowded).map(|centre| {
-        let mut is_within = vec![false; mesh.nodes.len()];
-        is_within[centre as usize] = true;
-        let (mut count, mut ring) = (1_u128, vec![centre]);
-        for _ in 0..rings {
-            let next: Vec<u32> = (ring.iter().flat_map(|&node| &neighbours[node as usize]))
-                .filter(|&&node| !std::mem::replace(&mut is_within[node as usize], true))
-                .copied()
-                .collect();
-            if next.is_empty() {
-                break;
-            }
-            count += next.len() as u128;
-            ring = next;
-        }
-        count
+        breadth_first(mesh.nodes.len(), [centre], rings, |node| neighbours[node as usize].iter().copied()).0.len()
     });
-    counts.max().unwrap_or(0) * 3 / 2
+    counts.max().unwrap_or(0) as u128 * 3 / 2
 }

@@ -1,5 +1,10 @@
 //! A tree of boxes around the triangles of a surface, so that the cost of a search depends on the number of triangles
 //! found and not on the size of the surface.
+//!
+//! `parry3d-f64` has such a tree: its `Bvh` is refitted in place, and its queries see every box, so that they can allow for
+//! motion as a search does here. But its traversal keeps a stack that goes to the heap beyond 32 entries, and a tick must not
+//! allocate. Its nearest points with pseudonormals are those of a `TriMesh` that owns its vertices: here the local model
+//! moves them in every tick, and the surface may be a curved one.
 
 use std::sync::Arc;
 

@@ -15,7 +15,7 @@ use crate::scene::Scene;
 pub enum AcceptError {
     /// No reason was given.
     #[error("a baseline cannot be changed without a reason")]
-    #[diagnostic(help("state with --reason what changed the results and why the change is right"))]
+    #[diagnostic(help("state what changed the results and why the change is right"))]
     NoReason,
     /// The present baseline cannot be read, and its record would be lost.
     #[error(transparent)]

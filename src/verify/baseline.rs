@@ -25,6 +25,7 @@ pub enum BaselineError {
         /// Path of the file.
         path: PathBuf,
         /// Error of the operating system.
+        #[source]
         error: io::Error,
     },
     /// The file's content is not a baseline.
@@ -33,6 +34,7 @@ pub enum BaselineError {
         /// Path of the file.
         path: PathBuf,
         /// Error of the JSON reader.
+        #[source]
         error: serde_json::Error,
     },
 }

@@ -318,3 +318,20 @@ fn global_positions(integrator: GlobalIntegrator, divisor: u32) -> Result<(Vec<V
     }
     Ok((network.rest, state.x))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_scene_of_the_orders_passes_its_check() {
+        for case in Case::all() {
+            let Case::Local(integrator, scheme, motion) = case else { continue };
+            let finer = DIVISORS.map(|divisor| scene(integrator, scheme, motion, divisor));
+            for scene in finer.into_iter().chain([loose(integrator, scheme, motion)]) {
+                let checked = scene.map_err(|error| error.to_string()).map(|scene| scene.check());
+                assert!(matches!(checked, Ok(Ok(()))), "{case:?}: {checked:?}");
+            }
+        }
+    }
+}

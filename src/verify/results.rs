@@ -245,7 +245,7 @@ fn cause(fault: &Fault) -> &'static str {
         FaultCause::Instrument(_) | FaultCause::Device(_) => {
             "the instrument left the range in which it can be simulated"
         }
-        FaultCause::Runaway { .. } => "a node ran away",
+        FaultCause::Runaway { .. } => "diverged",
     }
 }
 

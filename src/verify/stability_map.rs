@@ -14,6 +14,7 @@ use crate::local::model::ExteriorKind;
 use crate::local::step::LocalIntegrator;
 use crate::model::network::NetworkError;
 use crate::model::springs::TangentKind;
+use crate::model::topology::SurfaceError;
 use crate::scene::{Scene, SchemeName};
 
 /// Range of steps that are tried, s.
@@ -143,6 +144,9 @@ pub struct Boundary {
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum MapError {
     /// The surface cannot be built.
+    #[error(transparent)]
+    Surface(#[from] SurfaceError),
+    /// The mesh has no triangle.
     #[error("the mesh has no surface that can be touched")]
     NoSurface,
     /// The contact is rigid: the patch carries less than half of the contact point.

@@ -9,6 +9,7 @@
 use serde::Serialize;
 use thiserror::Error;
 
+use super::residual::larger;
 use crate::Vec3;
 use crate::device::path::{PathError, TipPath, Waypoint};
 use crate::device::phantom::{DeviceError, Needs, Phantom, PhantomSettings};
@@ -50,7 +51,8 @@ pub struct VirtualWall {
 /// Motion of the tip in a wall once the loop has had time to settle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WallTouch {
-    /// Largest range of the true tip along an axis, m; infinite if the device left its workspace.
+    /// Largest range of the true tip along an axis, m; infinite if the device left its workspace, NaN if the tip was
+    /// not a number.
     pub range_m: f64,
     /// Mean depth of the true tip in the wall, m; NaN if the device left its workspace.
     pub depth_m: f64,
@@ -116,8 +118,7 @@ pub fn touch(settings: &PhantomSettings, rate: f64, wall: &VirtualWall) -> Resul
     let tick = 1.0 / rate;
     let mut device = Phantom::new(*settings, &path(&[(0.0, AIM), (APPROACH, -AIM)])?, tick)?;
     let [settled, end] = [SETTLED, END].map(|time| (time * rate).round() as u64);
-    let (mut lowest, mut highest) = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
-    let mut depths = 0.0;
+    let mut tips = Vec::new();
     let mut before = device.measured_tip().z;
     for count in 0..end {
         let Ok(measured) = device.advance(count as f64 * tick) else {
@@ -127,12 +128,21 @@ pub fn touch(settings: &PhantomSettings, rate: f64, wall: &VirtualWall) -> Resul
         before = measured.z;
         device.command(&Vec3::new(0.0, 0.0, wall.force(measured.z, speed)));
         if count >= settled {
-            let tip = device.tip();
-            (lowest, highest) = (lowest.inf(&tip), highest.sup(&tip));
-            depths -= tip.z;
+            tips.push(device.tip());
         }
     }
-    Ok(WallTouch { range_m: (highest - lowest).max(), depth_m: depths / (end - settled) as f64 })
+    Ok(WallTouch::of(&tips))
+}
+
+impl WallTouch {
+    /// Measures positions, m; the range is NaN if there are none or one is not a number.
+    fn of(tips: &[Vec3]) -> Self {
+        let along = |axis: usize| tips.iter().map(move |tip| tip[axis]);
+        let range = |axis: usize| Some(along(axis).reduce(larger)? + along(axis).map(|x| -x).reduce(larger)?);
+        let range_m = (0..3).map(|axis| range(axis).unwrap_or(f64::NAN)).fold(0.0, larger);
+        let depths = along(2).fold(0.0, |sum, z| sum - z);
+        Self { range_m, depth_m: depths / tips.len() as f64 }
+    }
 }
 
 impl VirtualWall {
@@ -204,4 +214,19 @@ fn path(heights: &[(f64, f64)]) -> Result<TipPath, PathError> {
     TipPath::new(
         heights.iter().map(|&(time, z)| Waypoint { time, position: Vec3::new(0.0, 0.0, z) }).collect::<Vec<_>>(),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tip_that_is_nowhere_is_not_quiet() {
+        let still = Vec3::new(0.0, 0.0, -0.002);
+        assert_eq!(WallTouch::of(&[still, still + Vec3::x() * 1e-3]), WallTouch { range_m: 1e-3, depth_m: 0.002 });
+        let nowhere = Vec3::repeat(f64::NAN);
+        for tips in [&[nowhere, still][..], &[still, nowhere], &[still, nowhere, still], &[]] {
+            assert!(!(WallTouch::of(tips).range_m <= QUIET_M), "{tips:?}");
+        }
+    }
 }

@@ -89,7 +89,7 @@ pub struct AccuracyFile {
     best: Option<Best>,
     /// Convergence orders of the integrators, observed on a small block for every scene.
     orders: Vec<ObservedOrder>,
-    left_out: Vec<String>,
+    omitted: Vec<String>,
 }
 
 /// A method in `accuracy.json`.
@@ -227,7 +227,7 @@ fn compare(scene: &Scene, grid: Grid, budget: Budget, patience: Duration) -> mie
         points,
         references,
         orders,
-        left_out: grid.left_out,
+        omitted: grid.omitted,
     })
 }
 
@@ -412,6 +412,6 @@ fn sentences(file: &AccuracyFile) -> Vec<String> {
             reference.contact, reference.refinement
         )
     }));
-    lines.extend(file.left_out.iter().map(|what| format!("Omitted: {what}.")));
+    lines.extend(file.omitted.iter().map(|what| format!("Omitted: {what}.")));
     lines
 }

@@ -263,3 +263,27 @@ fn worst(served: &Served, timed: Vec<TimedTick>) -> Vec<WorstTick> {
     };
     timed.into_iter().map(entry).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Alone {
+        #[command(flatten)]
+        arguments: CertifyArguments,
+    }
+
+    #[test]
+    fn every_scene_that_can_be_asked_for_passes_its_check() {
+        for policy in OverrunPolicy::NAMES {
+            for rate in ["1000", "4000"] {
+                let asked = ["certify", "fig5-stick-slip", "--rate", rate, "--deadline", "200", "--policy", policy];
+                let scene = asked_for(&Alone::parse_from(asked).arguments).expect("a scene");
+                assert!(scene.check().is_ok(), "{rate} Hz, {policy}: {:?}", scene.check());
+            }
+        }
+    }
+}

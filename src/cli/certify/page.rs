@@ -184,9 +184,9 @@ pub fn markdown(certificate: &Certificate) -> String {
     for consequence in std::iter::once(on_time).chain(late) {
         let name = if consequence.share == 0.0 { "no tick is late" } else { consequence.overrun.name() };
         let error = consequence.force_error_rms_rel.map_or("–".to_owned(), |error| format!("{:.2} %", 100.0 * error));
-        let [missed, left_out] = consequence.missed_ticks;
+        let [missed, skipped] = consequence.missed_ticks;
         say(format!(
-            "| {name} | {missed} | {left_out} | {error} | {:.3} | {} | {:.2} | {} |",
+            "| {name} | {missed} | {skipped} | {error} | {:.3} | {} | {:.2} | {} |",
             consequence.largest_jump_n,
             consequence.contact_losses,
             1e3 * consequence.energy_given_j,
@@ -276,24 +276,24 @@ fn tail_sentence(tail: &Tail) -> String {
 pub fn figures(served: &Served) -> miette::Result<Vec<(&'static str, String)>> {
     use miette::{IntoDiagnostic, WrapErr};
 
-    use crate::output::figures::latency::{Stretch, over_time, tails};
+    use crate::output::figures::latency::{Interval, over_time, tails};
 
     let meter = &served.meter;
     let span_s = served.window.end_ns.saturating_sub(served.window.begin_ns) as f64 * 1e-9;
     let total: u64 = meter.blocks().iter().map(|block| block.ticks).sum();
     let mut before = 0;
-    let stretch = |block: &crate::realtime::meter::Block| {
+    let interval = |block: &crate::realtime::meter::Block| {
         let time_s = span_s * before as f64 / total as f64;
         before += block.ticks;
         let mean = block.response_sum_ns as f64 / block.ticks as f64;
-        Stretch { time_s, response_us: [us(block.response_max_ns), mean * 1e-3], control_us: us(block.control_max_ns) }
+        Interval { time_s, response_us: [us(block.response_max_ns), mean * 1e-3], control_us: us(block.control_max_ns) }
     };
-    let stretches: Vec<Stretch> = meter.blocks().iter().map(stretch).collect();
+    let intervals: Vec<Interval> = meter.blocks().iter().map(interval).collect();
     let deadline_us = us(meter.deadline_ns());
     let in_us = |tail: Vec<(f64, f64)>| tail.into_iter().map(|(ns, share)| (ns * 1e-3, share)).collect::<Vec<_>>();
     let draw = |svg: std::io::Result<String>| svg.into_diagnostic().wrap_err("cannot draw the times of the servo loop");
     Ok(vec![
-        (RESPONSE, draw(over_time(&stretches, deadline_us))?),
+        (RESPONSE, draw(over_time(&intervals, deadline_us))?),
         (
             "distribution.svg",
             draw(tails(&in_us(meter.response.tail()), &in_us(meter.control_response.tail()), deadline_us))?,

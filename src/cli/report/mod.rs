@@ -95,16 +95,16 @@ pub fn report(arguments: &ReportArguments) -> miette::Result<u8> {
     let crosscheck = crosscheck::read();
 
     let mut verdicts = runs::verdicts(&reported);
-    let mut left_out = match &studies {
+    let mut omitted = match &studies {
         Some(_) => Vec::new(),
         None => vec!["contact surfaces", "accuracy", "stability", "certificate"],
     };
     match (&elasticity, quick) {
-        (None, _) => left_out.push("elasticity"),
-        (Some(_), true) => left_out.push("elasticity of finer meshes"),
+        (None, _) => omitted.push("elasticity"),
+        (Some(_), true) => omitted.push("elasticity of finer meshes"),
         (Some(_), false) => {}
     }
-    let origin = Origin::new(&reported, left_out);
+    let origin = Origin::new(&reported, omitted);
     let mut sections = vec![runs::section(&reported), view::section(&reported)?];
     let studies = studies.map(|mut studies| {
         sections.append(&mut studies.sections);

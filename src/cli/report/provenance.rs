@@ -24,11 +24,11 @@ pub struct Origin {
     /// Time of the report, UTC.
     date: String,
     /// Sections that this report omits.
-    left_out: Vec<&'static str>,
+    omitted: Vec<&'static str>,
 }
 
 impl Origin {
-    pub fn new(reported: &[Reported], left_out: Vec<&'static str>) -> Self {
+    pub fn new(reported: &[Reported], omitted: Vec<&'static str>) -> Self {
         let of = |list: fn(&crate::verify::baseline::Provenance) -> &Vec<String>| {
             reported.first().map(|r| list(&r.provenance).clone()).unwrap_or_default()
         };
@@ -40,7 +40,7 @@ impl Origin {
             cpu_features: of(|provenance| &provenance.cpu_features),
             machine: machine(),
             date: humantime::format_rfc3339_seconds(SystemTime::now()).to_string(),
-            left_out,
+            omitted,
         }
     }
 }
@@ -89,8 +89,8 @@ pub fn section(origin: &Origin, reported: &[Reported]) -> Markup {
     html! {
         h2 #provenance { "Provenance" }
         (page::table("words", ["property", "value"], facts.map(|(name, value)| [name.to_owned(), value])))
-        @if !origin.left_out.is_empty() {
-            p { "Not in this report: " (origin.left_out.join(", ")) ". For all of it, run " code { "stickslip report" } "." }
+        @if !origin.omitted.is_empty() {
+            p { "Not in this report: " (origin.omitted.join(", ")) ". For all of it, run " code { "stickslip report" } "." }
         }
         p {
             "A scene's pipeline omits the parts that the scene does not need; the scene's " code { "summary.json" }

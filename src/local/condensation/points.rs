@@ -6,6 +6,7 @@ use crate::Vec3;
 use crate::local::coarse::{CORNERS, Grid};
 use crate::local::patch::Patch;
 use crate::model::network::Network;
+use crate::model::search::breadth_first;
 
 /// Role of a node in the condensed system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -136,41 +137,15 @@ impl<'a> Points<'a> {
 
 /// Marks the nodes within this many springs of a centre; paths may pass through fixed nodes.
 fn within(network: &Network, centre: Option<u32>, rings: u32) -> Vec<bool> {
-    let mut reached = vec![false; network.node_count()];
-    let mut ring: Vec<u32> = centre.into_iter().collect();
-    ring.iter().for_each(|&node| reached[node as usize] = true);
-    for _ in 0..rings {
-        let mut next = Vec::new();
-        for link in ring.iter().flat_map(|&node| network.links(node)) {
-            if !std::mem::replace(&mut reached[link.other as usize], true) {
-                next.push(link.other);
-            }
-        }
-        ring = next;
-        if ring.is_empty() {
-            break;
-        }
-    }
-    reached
+    breadth_first(network.node_count(), centre, rings, |node| network.neighbours(node)).1
 }
 
 /// Returns the exterior's free nodes that may be condensed and are connected to the patch through others that may,
 /// ascending. Nodes without a connection to the patch add nothing to C, and on their own could move without any force.
 fn following(network: &Network, patch: &Patch, may_follow: impl Fn(u32) -> bool) -> Vec<u32> {
-    let mut seen = vec![false; network.node_count()];
-    patch.nodes.iter().for_each(|&node| seen[node as usize] = true);
-    let mut nodes = patch.nodes.clone();
-    let mut next = 0;
-    while next < nodes.len() {
-        for link in network.links(nodes[next]) {
-            let other = link.other;
-            if !seen[other as usize] && !network.fixed[other as usize] && may_follow(other) {
-                seen[other as usize] = true;
-                nodes.push(other);
-            }
-        }
-        next += 1;
-    }
+    let follows = |&node: &u32| !network.fixed[node as usize] && may_follow(node);
+    let neighbours = |node| network.neighbours(node).filter(follows);
+    let (mut nodes, _) = breadth_first(network.node_count(), patch.nodes.iter().copied(), u32::MAX, neighbours);
     let mut following = nodes.split_off(patch.len());
     following.sort_unstable();
     following

@@ -15,7 +15,7 @@ const SHORTEST_US: f64 = 0.1;
 
 /// Responses in an interval of a run.
 #[derive(Debug, Clone, Copy)]
-pub struct Stretch {
+pub struct Interval {
     /// Start of the interval, s.
     pub time_s: f64,
     /// Longest and mean response, µs.
@@ -30,17 +30,17 @@ pub struct Stretch {
 /// If the plotting library cannot draw it.
 ///
 /// ```
-/// use stickslip::output::figures::latency::{Stretch, over_time};
+/// use stickslip::output::figures::latency::{Interval, over_time};
 ///
-/// let stretch = |time_s| Stretch { time_s, response_us: [80.0, 20.0], control_us: 0.0 };
-/// let mut stretches = [0.0, 1.0, 2.0].map(stretch);
-/// assert!(!over_time(&stretches, 1e3)?.contains("without a payload")); // it was not run
-/// stretches[1].control_us = 5.0;
-/// assert!(over_time(&stretches, 1e3)?.contains("without a payload"));
+/// let interval = |time_s| Interval { time_s, response_us: [80.0, 20.0], control_us: 0.0 };
+/// let mut intervals = [0.0, 1.0, 2.0].map(interval);
+/// assert!(!over_time(&intervals, 1e3)?.contains("without a payload")); // it was not run
+/// intervals[1].control_us = 5.0;
+/// assert!(over_time(&intervals, 1e3)?.contains("without a payload"));
 /// # Ok::<(), std::io::Error>(())
 /// ```
-pub fn over_time(stretches: &[Stretch], deadline_us: f64) -> io::Result<String> {
-    document(SIZE, |area| draw_over_time(area, stretches, deadline_us))
+pub fn over_time(intervals: &[Interval], deadline_us: f64) -> io::Result<String> {
+    document(SIZE, |area| draw_over_time(area, intervals, deadline_us))
 }
 
 /// Draws the share of ticks whose response is longer than a given time (µs), for the servo loop and for the control
@@ -86,11 +86,11 @@ fn decades(values: impl Iterator<Item = f64>, deadline_us: f64) -> (f64, f64) {
     (10_f64.powf(bottom.log10().floor()), 10_f64.powf((top * 1.05).log10().ceil()))
 }
 
-fn draw_over_time(area: &Area, stretches: &[Stretch], deadline_us: f64) -> Drawn {
+fn draw_over_time(area: &Area, intervals: &[Interval], deadline_us: f64) -> Drawn {
     let values =
-        stretches.iter().flat_map(|stretch| [stretch.response_us[0], stretch.response_us[1], stretch.control_us]);
+        intervals.iter().flat_map(|interval| [interval.response_us[0], interval.response_us[1], interval.control_us]);
     let (bottom, top) = decades(values, deadline_us);
-    let end = stretches.last().map_or(1.0, |stretch| stretch.time_s).max(1e-3);
+    let end = intervals.last().map_or(1.0, |interval| interval.time_s).max(1e-3);
     let mut chart = ChartBuilder::on(area)
         .margin(12)
         .x_label_area_size(44)
@@ -101,8 +101,8 @@ fn draw_over_time(area: &Area, stretches: &[Stretch], deadline_us: f64) -> Drawn
         .y_desc("response (µs)")
         .y_label_formatter(&|us| format!("{us}"))
         .draw()?;
-    let line = |of: fn(&Stretch) -> f64| {
-        stretches.iter().map(move |s| (s.time_s, of(s))).filter(|(_, us)| *us > SHORTEST_US).collect::<Vec<_>>()
+    let line = |of: fn(&Interval) -> f64| {
+        intervals.iter().map(move |s| (s.time_s, of(s))).filter(|(_, us)| *us > SHORTEST_US).collect::<Vec<_>>()
     };
     let control = line(|s| s.control_us);
     if !control.is_empty() {

@@ -45,7 +45,7 @@ pub struct Grid {
     /// Contacts in the order of the methods.
     pub contacts: Vec<Touching>,
     /// Omitted methods, with the reasons.
-    pub left_out: Vec<String>,
+    pub omitted: Vec<String>,
 }
 
 /// Lists the methods with which a scene's drag is run.
@@ -67,13 +67,13 @@ pub struct Grid {
 pub fn grid(scene: &Scene, coverage: Coverage) -> Result<Grid, SceneError> {
     let own = Method::of(scene);
     Simulation::prepare(scene)?;
-    let mut left_out = Vec::new();
+    let mut omitted = Vec::new();
     let mut contacts = vec![own.touching];
     for touching in other_contacts(coverage) {
         if !contacts.contains(&touching) {
             match Simulation::prepare(&whole(scene, touching.surface, touching.scheme)) {
                 Ok(_) => contacts.push(touching),
-                Err(error) => left_out.push(format!("{touching}: {error}")),
+                Err(error) => omitted.push(format!("{touching}: {error}")),
             }
         }
     }
@@ -87,7 +87,7 @@ pub fn grid(scene: &Scene, coverage: Coverage) -> Result<Grid, SceneError> {
         match ticks_per_cycle(scene, rate) {
             Some(_) if rates.contains(&rate) => {}
             Some(_) => rates.push(rate),
-            None => left_out
+            None => omitted
                 .push(format!("{rate} Hz: the scene's ticks or its latency do not fit into a cycle at this rate")),
         }
     }
@@ -95,7 +95,7 @@ pub fn grid(scene: &Scene, coverage: Coverage) -> Result<Grid, SceneError> {
     let (mut locals, too_large): (Vec<_>, Vec<_>) =
         local_models(coverage).into_iter().partition(|local| matrix_bytes(local, free) <= MOST_MATRIX_BYTES);
     if !too_large.is_empty() {
-        left_out.push(format!("tangents of all rings: the matrix of {free} free nodes is too large"));
+        omitted.push(format!("tangents of all rings: the matrix of {free} free nodes is too large"));
     }
     if !own.is_full && !locals.contains(&own.local) {
         locals.insert(0, own.local);
@@ -135,7 +135,7 @@ pub fn grid(scene: &Scene, coverage: Coverage) -> Result<Grid, SceneError> {
             methods.push(own);
         }
     }
-    Ok(Grid { methods, contacts, left_out })
+    Ok(Grid { methods, contacts, omitted })
 }
 
 /// Integrators that solve the linear model exactly or implicitly.

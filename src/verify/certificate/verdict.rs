@@ -95,7 +95,7 @@ pub struct ControlPart {
     /// Deadlines missed by the control loop.
     pub misses: u64,
     /// Releases that were omitted, because they had passed before the tick ended.
-    pub left_out: u64,
+    pub skipped: u64,
 }
 
 /// Part of a certificate on the program on this machine.
@@ -375,7 +375,7 @@ fn compute_part(
 /// Judges the result on this machine: deadlines apply to responses.
 fn platform_part(meter: &Meter, obtained: &Obtained, causes: BTreeMap<MissCause, u64>, explained: u64) -> PlatformPart {
     let (mut failed, mut open, mut passed) = (Vec::new(), Vec::new(), Vec::new());
-    let (control_misses, left_out) = meter.control_missed();
+    let (control_misses, skipped) = meter.control_missed();
     match meter.missed() {
         0 => passed.push(format!("no deadline missed in {} ticks", meter.ticks())),
         misses => failed.push(format!("{misses} of {} ticks missed their deadline", meter.ticks())),
@@ -418,7 +418,7 @@ fn platform_part(meter: &Meter, obtained: &Obtained, causes: BTreeMap<MissCause,
             release_ns: Quantiles::of(&meter.control_release),
             response_ns: Quantiles::of(&meter.control_response),
             misses: control_misses,
-            left_out,
+            skipped,
         },
     }
 }

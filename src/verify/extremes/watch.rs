@@ -105,15 +105,15 @@ impl Watch {
         (instrument + ground - weight).norm() / of_all
     }
 
-    pub(super) fn compare(&self, quantity: &Quantity, twin: &Watch) -> f64 {
+    pub(super) fn compare(&self, quantity: &Quantity, reference: &Watch) -> f64 {
         let last = |watch: &Watch| watch.forces.last().copied().unwrap_or_else(|| Vec3::repeat(f64::NAN));
         match quantity {
-            Quantity::SameAs(_, factor) if self.forces.len() == twin.forces.len() => {
-                let pairs = self.forces.iter().zip(&twin.forces);
+            Quantity::SameAs(_, factor) if self.forces.len() == reference.forces.len() => {
+                let pairs = self.forces.iter().zip(&reference.forces);
                 let difference = largest(pairs.map(|(a, b)| (a - b * *factor).norm()));
-                difference / largest(twin.forces.iter().map(|b| (b * *factor).norm()))
+                difference / largest(reference.forces.iter().map(|b| (b * *factor).norm()))
             }
-            Quantity::EndsAs(_) => (last(self) - last(twin)).norm() / last(twin).norm(),
+            Quantity::EndsAs(_) => (last(self) - last(reference)).norm() / last(reference).norm(),
             _ => f64::NAN,
         }
     }

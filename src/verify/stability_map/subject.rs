@@ -121,8 +121,8 @@ impl ScaledMatrices {
 impl Subject {
     pub(super) fn new(scene: &Scene, point: &MapPoint) -> Result<Self, MapError> {
         let mesh = scene.mesh.mesh();
-        let surface = Arc::new(Surface::new(&mesh).map_err(|_| MapError::NoSurface)?);
-        let surface = SurfaceModel::new(scene.surface, surface).map_err(|_| MapError::NoSurface)?;
+        let surface = Arc::new(Surface::new(&mesh)?);
+        let surface = SurfaceModel::new(scene.surface, surface)?;
         let mut material = scene.material.clone();
         material.gravity = Vec3::zeros();
         if point.axis == Axis::Stiffness {
