@@ -403,7 +403,7 @@ impl MovingSurface<'_> {
             return None;
         }
 
-        let speed = (self.q1 - self.q0).norm() + self.fastest();
+        let speed = (self.q1 - self.q0).norm() + self.fastest() * self.smooth.agility();
         let mut before = (0.0, self.distance(0.0));
         // The tip is inside, or further away than all motion within the tick.
         if !(before.1 >= -START_TOLERANCE && before.1 <= speed) {

@@ -61,6 +61,17 @@ pub enum SmoothSurface {
     Disc(Arc<DiscSurface>),
 }
 
+impl SmoothSurface {
+    /// Bound on the speed of a point of the surface, over that of the fastest vertex. On a disc the offset from the mean of the
+    /// vertices, shorter than the radius, turns with the vertices, whose mean distance is a good half of the radius.
+    pub fn agility(&self) -> f64 {
+        match self {
+            Self::Disc(disc) if disc.turns() => 3.0,
+            Self::Disc(_) | Self::Limit(_) => 1.0,
+        }
+    }
+}
+
 impl ContactGeometry {
     /// Prepares a contact surface.
     ///

@@ -146,6 +146,11 @@ impl DiscSurface {
         self.radius
     }
 
+    /// Whether the offset of the surface at rest turns with the body.
+    pub fn turns(&self) -> bool {
+        self.turns
+    }
+
     /// Returns the surface at rest.
     pub fn kind(&self) -> &RestSurface {
         &self.kind
