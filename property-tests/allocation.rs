@@ -58,25 +58,33 @@ fn a_hundred_thousand_ticks_allocate_nothing() {
     for law in ["\"sliding\"", "\"sticking\"", "\"stick-slip\"\nfriction = 0.3"] {
         let (euler, midpoint, exact) =
             ("integrator = \"implicit-euler\"", "integrator = \"implicit-midpoint\"", "integrator = \"exponential\"");
-        for (surface, scheme, local) in [
-            ("faceted", "geometric", "rings = 1"),
-            ("shaded", "geometric", "linearization = \"none\""),
-            ("shaded", "velocity", "exterior = \"drifting\""),
-            ("subdivision", "geometric", "rings = 1"),
-            ("subdivision", "velocity", "rings = 1"),
-            ("shaded", "geometric", "exterior = \"condensed\""),
-            ("shaded", "geometric", "exterior = \"condensed\"\nlinearization = \"none\"\ntangent = \"stabilised\""),
-            ("faceted", "velocity", euler),
-            ("subdivision", "velocity", midpoint),
-            ("faceted", "velocity", exact),
-            ("subdivision", "massless", "rings = 1"),
-            ("faceted", "massless", midpoint),
+        for (surface, scheme, local, radius) in [
+            ("faceted", "geometric", "rings = 1", 0.0),
+            ("shaded", "geometric", "linearization = \"none\"", 0.0),
+            ("shaded", "velocity", "exterior = \"drifting\"", 0.0),
+            ("subdivision", "geometric", "rings = 1", 0.0),
+            ("subdivision", "velocity", "rings = 1", 0.0),
+            ("shaded", "velocity", "rings = 1", 0.008),
+            ("subdivision", "geometric", "rings = 1", 0.008),
+            ("shaded", "geometric", "exterior = \"condensed\"", 0.0),
+            (
+                "shaded",
+                "geometric",
+                "exterior = \"condensed\"\nlinearization = \"none\"\ntangent = \"stabilised\"",
+                0.0,
+            ),
+            ("faceted", "velocity", euler, 0.0),
+            ("subdivision", "velocity", midpoint, 0.0),
+            ("faceted", "velocity", exact, 0.0),
+            ("subdivision", "massless", "rings = 1", 0.0),
+            ("subdivision", "massless", "rings = 1", 0.008),
+            ("faceted", "massless", midpoint, 0.0),
         ] {
             let scene = Scene::parse(
                 &format!(
                     "name = 'allocation'\nduration = 1.0\n[mesh]\nnodes = [7, 7, 4]\nspacing = 0.01\n[material]\n\
                      node_mass = 0.01\nstiffness = 100.0\ndamping = 0.5\n[local]\n{local}\n\
-                     [contact]\nlaw = {law}\nsurface = '{surface}'\nscheme = '{scheme}'\n[instrument]\nwaypoints = [[0.0, 0.0, 0.015, 0.0025]]"
+                     [contact]\nlaw = {law}\nsurface = '{surface}'\nscheme = '{scheme}'\nradius = {radius}\n[instrument]\nwaypoints = [[0.0, 0.0, 0.015, 0.0025]]"
                 ),
                 "allocation.toml".as_ref(),
             )

@@ -48,7 +48,8 @@ fn shipped_scenes_keep_their_laws_and_end_as_expected() {
                 Law::Sticking | Law::Own(_) => {}
             }
         }
-        assert!(run.normal_force.iter().all(|&f| f >= 0.0), "{}: the instrument is pulled", shipped.name);
+        let pulls = run.normal_force.iter().any(|&f| !(f >= 0.0));
+        assert!(!pulls || scene.contact.adhesion_n > 0.0, "{}: the instrument is pulled", shipped.name);
     }
 }
 

@@ -9,6 +9,7 @@ mod closed_loop;
 mod condensation;
 mod contact;
 mod coupling;
+mod disc;
 mod documents;
 mod doors;
 mod elasticity;

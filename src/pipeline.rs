@@ -41,6 +41,7 @@ use crate::multirate::servo::Servo;
 use crate::multirate::timeline::{Arrival, DeadlineOutcome, Timeline};
 use crate::multirate::trajectory::{PathRecording, Trajectory};
 use crate::scene::{Problem, Scene, SceneError};
+use crate::surface::disc::DiscError;
 use crate::surface::geometry::SurfaceModel;
 
 /// Why a run did not complete.
@@ -138,6 +139,9 @@ pub enum AssemblyError {
     /// The mesh has no proper surface.
     #[error(transparent)]
     Surface(#[from] SurfaceError),
+    /// Contacts cannot be spread over a disc of the scene's radius.
+    #[error(transparent)]
+    Disc(#[from] DiscError),
     /// There is no static equilibrium to start from.
     #[error(transparent)]
     Settle(#[from] SettleError),
@@ -167,6 +171,7 @@ impl AssemblyError {
         match self {
             Self::Network(error) => scene.error(Problem::Network(error)),
             Self::Surface(error) => scene.error(Problem::Surface(error)),
+            Self::Disc(error) => scene.error(Problem::Disc(error)),
             Self::Settle(error) => scene.error(Problem::Settle(error)),
             Self::Instrument(error) => scene.error(Problem::Instrument { key: "instrument", error }),
             Self::Model(BuildError::Model(error)) => scene.error(Problem::Model(error)),
@@ -259,7 +264,11 @@ impl Simulation {
         let mesh = own.mesh.unwrap_or_else(|| scene.mesh.mesh());
         let network = Arc::new(Network::new(&mesh, &scene.material, scene.fixed.clone())?);
         let surface = Arc::new(Surface::new(&mesh)?);
-        let contact_surface = SurfaceModel::new(scene.surface, surface.clone())?;
+        let contact_surface = SurfaceModel::new(scene.surface, surface.clone())?.spread(
+            scene.contact_radius,
+            &network.rest,
+            &network.fixed,
+        )?;
         let mut start = network.rest_state();
         if scene.settle {
             start.x = settle(&network)?;

@@ -64,6 +64,8 @@ struct TickCost {
     springs: Option<usize>,
     /// Largest number of nodes that a contact point rests on.
     contact_nodes: usize,
+    /// Radius of the disc over which a contact is spread, m; 0 for a point.
+    contact_radius_m: f64,
 }
 
 #[derive(Serialize)]
@@ -187,6 +189,7 @@ fn tick_cost(scene: &Scene, simulation: &Simulation) -> TickCost {
         response: step.is_some().then_some([rows, rows]),
         springs: (!linear).then_some(patch.springs.len()),
         contact_nodes: simulation.local().surface().geometry.largest_support(),
+        contact_radius_m: scene.contact_radius,
     }
 }
 
@@ -323,7 +326,11 @@ fn text(e: &Explanation) -> String {
         line(format!("  {springs} springs, evaluated twice in contact"));
     }
     line("  free: the triangles near the tip (bounding-box tree); in contact: the triangle below it".to_owned());
-    line(format!("  a contact point rests on up to {} nodes", e.cost_per_tick.contact_nodes));
+    let nodes = e.cost_per_tick.contact_nodes;
+    line(match e.cost_per_tick.contact_radius_m {
+        0.0 => format!("  a contact point rests on up to {nodes} nodes"),
+        radius => format!("  contacts within a triangle spread over up to {nodes} nodes, by a radius of {radius} m"),
+    });
     line("\nCost per global cycle".to_owned());
     let CycleCost { force_evaluations, springs, new_models, condensation } = &e.cost_per_cycle;
     line(format!("  {force_evaluations} evaluations of {springs} springs, {new_models} new local model"));

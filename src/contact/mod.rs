@@ -3,7 +3,6 @@
 
 pub mod collision;
 pub mod law;
-pub mod limit_surface;
 pub mod literal;
 pub mod massless;
 pub mod nearest;
@@ -12,5 +11,6 @@ pub mod report;
 pub mod rules;
 pub mod shape;
 pub mod simulation;
+pub mod smooth_surface;
 pub mod state;
 mod tick;

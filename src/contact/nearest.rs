@@ -88,7 +88,7 @@ impl Shape<'_> {
     pub fn nearest(&self, q: Vec3) -> Option<ContactPoint> {
         match &self.surface.geometry {
             ContactGeometry::Faceted | ContactGeometry::Shaded => self.nearest_on_triangles(q),
-            ContactGeometry::Limit(limit) => self.nearest_on_limit(limit, q),
+            ContactGeometry::Smooth(smooth) => self.nearest_on_smooth(smooth, q),
         }
     }
 
@@ -144,7 +144,7 @@ impl Shape<'_> {
     pub fn signed_distance(&self, q: Vec3) -> f64 {
         match &self.surface.geometry {
             ContactGeometry::Faceted | ContactGeometry::Shaded => self.signed_distance_to_triangles(q),
-            ContactGeometry::Limit(limit) => self.signed_distance_to_limit(limit, q),
+            ContactGeometry::Smooth(smooth) => self.signed_distance_to_smooth(smooth, q),
         }
     }
 

@@ -3,7 +3,7 @@
 
 use crate::local::model::LocalModel;
 use crate::local::patch::OUTSIDE;
-use crate::surface::geometry::{ContactGeometry, ContactPoint, SurfaceModel};
+use crate::surface::geometry::{ContactGeometry, ContactPoint, SmoothSurface, SurfaceModel};
 use crate::surface::support::{Metric, Support};
 use crate::{Mat3, Vec3};
 
@@ -119,7 +119,7 @@ impl<'a> Shape<'a> {
     pub fn position(&self, point: &ContactPoint) -> Vec3 {
         match &self.surface.geometry {
             ContactGeometry::Faceted | ContactGeometry::Shaded => point.position(self.corners(point.triangle)),
-            ContactGeometry::Limit(limit) => self.limit_point(limit, point).position,
+            ContactGeometry::Smooth(smooth) => self.smooth_point(smooth, point).position,
         }
     }
 
@@ -129,26 +129,34 @@ impl<'a> Shape<'a> {
         (b - a).cross(&(c - a))
     }
 
-    /// Locates a contact at this instant and sets its W. n̂ is not finite where the triangle has no area, or the limit
-    /// surface no tangent plane.
+    /// Locates a contact at this instant and sets its W. n̂ is not finite where the triangle has no area, or a smooth surface
+    /// no tangent plane.
     pub fn touch(&self, metric: Metric, point: &ContactPoint, support: &mut Support) -> Touch {
         let triangle = point.triangle;
         let (position, normal) = match &self.surface.geometry {
             ContactGeometry::Faceted => {
-                self.set_support(metric, triangle, point.weights, support);
+                self.set_support(metric, self.weighted(triangle, point.weights), support);
                 (point.position(self.corners(triangle)), self.area_normal(triangle).normalize())
             }
             ContactGeometry::Shaded => {
-                self.set_support(metric, triangle, point.weights, support);
+                self.set_support(metric, self.weighted(triangle, point.weights), support);
                 let [na, nb, nc] = self.vertex_normals(triangle);
                 let [alpha, beta, gamma] = point.weights;
                 (point.position(self.corners(triangle)), (na * alpha + nb * beta + nc * gamma).normalize())
             }
-            ContactGeometry::Limit(limit) => {
+            ContactGeometry::Smooth(SmoothSurface::Limit(limit)) => {
                 let jet = limit.jet(triangle, point.weights);
-                self.set_support(metric, triangle, jet.entries().iter().map(|entry| entry[0]), support);
-                let surface = self.limit_point_of(limit, triangle, &jet);
+                let weights = jet.entries().iter().map(|entry| entry[0]);
+                self.set_support(metric, self.weighted(triangle, weights), support);
+                let surface = self.limit_point(limit, triangle, &jet);
                 (surface.position, surface.normal())
+            }
+            ContactGeometry::Smooth(SmoothSurface::Disc(disc)) => {
+                let weights = disc.weights(point);
+                let within = self.weighted(triangle, weights.entries().iter().map(|entry| entry.0));
+                self.set_support(metric, within.filter(|&(_, weight)| weight > 0.0), support);
+                let felt = self.felt(disc, triangle, &weights);
+                (felt.position, felt.normal)
             }
         };
         Touch { point: *point, position, normal }
@@ -162,19 +170,17 @@ impl<'a> Shape<'a> {
         })
     }
 
-    /// Sets W of a contact point: the nodes of its support that are free and in the patch.
-    fn set_support(
-        &self,
-        metric: Metric,
-        triangle: u32,
-        weights: impl IntoIterator<Item = f64>,
-        support: &mut Support,
-    ) {
+    /// Returns the vertices of a triangle's support with these weights.
+    fn weighted(&self, triangle: u32, weights: impl IntoIterator<Item = f64>) -> impl Iterator<Item = (u32, f64)> {
+        self.surface.support(triangle).iter().copied().zip(weights)
+    }
+
+    /// Sets W of a contact point: its weighted vertices that are free and in the patch.
+    fn set_support(&self, metric: Metric, weighted: impl Iterator<Item = (u32, f64)>, support: &mut Support) {
         let patch = &self.model.patch;
-        let vertices = self.surface.support(triangle);
         support.set(
             metric,
-            vertices.iter().zip(weights).filter_map(|(&vertex, weight)| {
+            weighted.filter_map(|(vertex, weight)| {
                 let slot = patch.vertex_slot[vertex as usize];
                 (slot != OUTSIDE).then(|| (slot as usize, weight, patch.inverse_mass[slot as usize]))
             }),
@@ -187,12 +193,12 @@ impl<'a> Shape<'a> {
     /// has already been visited, as happens in a valley, the result is the nearest point of the shared edge, on the
     /// triangle of lower index.
     ///
-    /// On a limit surface the projection is the nearest point.
+    /// On a smooth surface the projection is the nearest point.
     pub fn project(&self, from: &ContactPoint, q: Vec3, visited: &mut Visited) -> Projection {
         let along_field = match &self.surface.geometry {
             ContactGeometry::Faceted => false,
             ContactGeometry::Shaded => true,
-            ContactGeometry::Limit(limit) => return self.project_onto_limit(limit, from, q),
+            ContactGeometry::Smooth(smooth) => return self.project_onto_smooth(smooth, from, q),
         };
         visited.start();
         let mut here = *from;

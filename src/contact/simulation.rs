@@ -9,7 +9,6 @@ use super::state::{Contact, ContactState};
 use crate::Vec3;
 use crate::local::model::{LocalModel, LocalState};
 use crate::surface::geometry::{ContactPoint, SurfaceModel};
-use crate::surface::subdivision::LARGEST_SUPPORT;
 use crate::surface::support::Support;
 
 /// The local side: the model in use, its state, and the contact.
@@ -71,6 +70,7 @@ impl LocalSimulation {
         let triangles = surface.topology.triangles.len();
         Self {
             rules,
+            support: Support::with_capacity(surface.geometry.largest_support()),
             surface,
             tick_s,
             model,
@@ -78,7 +78,6 @@ impl LocalSimulation {
             latency: 0,
             age: 0,
             contact: None,
-            support: Support::with_capacity(LARGEST_SUPPORT),
             visited: Visited::new(triangles),
             hits: Hits::new(triangles),
             work_left: 0.0,

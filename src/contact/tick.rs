@@ -7,13 +7,13 @@
 
 use super::collision::{Collision, first_collision};
 use super::law::{Impulse, Interface, Mode};
-use super::limit_surface::MovingLimit;
 use super::massless::Held;
 use super::renderer::{MovedNodes, Rendered, RendererFault};
 use super::report::TickReport;
 use super::rules::{Deformation, RIGID_BELOW, Scheme, Wall};
 use super::shape::{Projection, Shape, Touch};
 use super::simulation::LocalSimulation;
+use super::smooth_surface::MovingSurface;
 use super::state::{Contact, ContactState};
 use crate::local::model::LocalState;
 use crate::model::state::snap_to_rest;
@@ -280,9 +280,9 @@ impl LocalSimulation {
                 ContactGeometry::Faceted | ContactGeometry::Shaded => {
                     first_collision(&now, &predicted, q0, q1, &mut self.hits, tested)
                 }
-                ContactGeometry::Limit(limit) => {
+                ContactGeometry::Smooth(smooth) => {
                     let between = &mut self.state.x_between;
-                    MovingLimit { limit, start: now, end: predicted, between, q0, q1 }.first_collision(tested)
+                    MovingSurface { smooth, start: now, end: predicted, between, q0, q1 }.first_collision(tested)
                 }
             };
             return collision.map(Detected::Collision);

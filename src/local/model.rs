@@ -279,11 +279,11 @@ impl LocalModelBuilder {
         touched: Option<u32>,
     ) -> Result<(LocalModel, LocalState), ModelError> {
         let surface = &*self.surface.topology;
-        let support = touched.map_or(&[][..], |triangle| self.surface.support(triangle));
+        let support = touched.map_or_else(|| self.support_below(state, point), |t| self.surface.support(t).to_vec());
         let patch = if self.is_without_patch {
             self.selector.none(network, surface)
         } else {
-            self.selector.select(network, surface, &state.x, point, support, self.settings.extent)
+            self.selector.select(network, surface, &state.x, point, &support, self.settings.extent)
         };
         let of = |values: &[Vec3], nodes: &[u32]| nodes.iter().map(|&node| values[node as usize]).collect::<Vec<_>>();
         let motion = match self.settings.exterior {
@@ -329,7 +329,7 @@ impl LocalModelBuilder {
             v_predicted: v.clone(),
             x_between: match self.surface.geometry {
                 ContactGeometry::Faceted | ContactGeometry::Shaded => Vec::new(),
-                ContactGeometry::Limit(_) => x.clone(),
+                ContactGeometry::Smooth(_) => x.clone(),
             },
             x,
             v,
@@ -348,6 +348,19 @@ impl LocalModelBuilder {
             condensation: condensed.map(|Condensed { outcome, size, .. }| (outcome, size)),
         };
         model.integrated(state, self.integrator, self.tick_s)
+    }
+
+    /// Returns the vertices that a contact which begins below a free tip spreads over. A point needs none besides the patch's
+    /// own; a disc may be larger than the patch.
+    fn support_below(&self, state: &State, tip: Vec3) -> Vec<u32> {
+        let (surface, geometry) = (&self.surface.topology, &self.surface.geometry);
+        if geometry.overhang() == 0.0 {
+            return Vec::new();
+        }
+        let distance = |vertex: u32| (state.x[surface.vertex_node[vertex as usize] as usize] - tip).norm_squared();
+        let nearest = (0..surface.vertex_node.len() as u32).min_by(|&a, &b| distance(a).total_cmp(&distance(b)));
+        let around = nearest.map_or(&[][..], |vertex| surface.incident(vertex));
+        around.iter().flat_map(|&triangle| geometry.support(surface, triangle)).copied().collect()
     }
 }
 

@@ -21,7 +21,6 @@ use crate::model::network::Network;
 use crate::model::state::State;
 use crate::model::work::WorkCounts;
 use crate::surface::geometry::ContactPoint;
-use crate::surface::subdivision::LARGEST_SUPPORT;
 use crate::surface::support::{Metric, Support};
 use crate::word::words;
 
@@ -244,7 +243,7 @@ impl GlobalSimulation {
     fn overwrite(&mut self, trajectory: &Trajectory) {
         // Under tension and on rigid ground the instrument exerts no force on the mesh.
         let held = self.contact.filter(|contact| contact.state != ContactState::Tension);
-        let mut support = Support::with_capacity(LARGEST_SUPPORT);
+        let mut support = Support::with_capacity(self.builder.surface().geometry.largest_support());
         if let Some(Contact { point, .. }) = held {
             let inverse_mass = &self.network.inverse_mass;
             let free = self

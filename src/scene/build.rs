@@ -70,6 +70,7 @@ impl Scene {
             global: GlobalSettings::default(),
             integrator: LocalIntegrator::default(),
             surface: ContactSurface::default(),
+            contact_radius: 0.0,
             contact: ContactRules { law, scheme: Scheme::default(), adhesion_n: 0.0, wall: Wall::default() },
             instrument: InstrumentKind::Path,
             smoothing_ticks: 0,
@@ -184,6 +185,11 @@ impl Scene {
     /// Sets the contact surface of the mesh.
     pub fn with_surface(self, surface: ContactSurface) -> Self {
         Self { surface, ..self }
+    }
+
+    /// Sets the radius of the disc over which a contact is spread, m; 0 for a point.
+    pub fn with_contact_radius(self, radius: f64) -> Self {
+        Self { contact_radius: radius, ..self }
     }
 
     /// Sets the instrument and its path. The number of ticks stays.

@@ -158,6 +158,7 @@ fn contact(scene: &Scene) -> Checked {
         non_negative("contact.adhesion", adhesion_n)?;
     }
     let Wall { stiffness, damping } = scene.contact.wall;
+    non_negative("contact.radius", scene.contact_radius)?;
     non_negative("contact.wall_stiffness", stiffness)?;
     non_negative("contact.wall_damping", damping)?;
     Ok(())

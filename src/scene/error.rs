@@ -17,6 +17,7 @@ use crate::mesh_file::{MeshFileError, MeshProblem};
 use crate::model::material::MaterialError;
 use crate::model::network::NetworkError;
 use crate::model::topology::SurfaceError;
+use crate::surface::disc::DiscError;
 
 /// What is wrong with a scene. Keys are those of scene files, even if the scene was built in Rust.
 #[derive(Debug, Error)]
@@ -150,6 +151,9 @@ pub enum Problem {
     /// The mesh has no proper surface.
     #[error(transparent)]
     Surface(#[from] SurfaceError),
+    /// A contact cannot be spread over a disc of this radius.
+    #[error("`contact.radius`: {0}")]
+    Disc(#[source] DiscError),
     /// The first local model cannot be built.
     #[error(transparent)]
     Model(#[from] ModelError),
@@ -176,6 +180,7 @@ impl Problem {
             },
             Problem::TipInside { .. } => Some("instrument"),
             Problem::Settle(_) => Some("settle"),
+            Problem::Disc(_) => Some("contact.radius"),
             Problem::Network(_) | Problem::Surface(_) | Problem::Model(_) => Some("mesh"),
             Problem::Unreadable { .. } | Problem::Syntax(_) | Problem::OwnPart(_) => None,
         }
@@ -213,6 +218,10 @@ impl Problem {
             }
             Problem::Settle(SettleError::NotSettled { .. }) => {
                 "give a stiffer material, more fixed nodes or less `material.gravity`, or omit `settle`"
+            }
+            Problem::Disc(DiscError::TooWide { .. }) => "give a smaller `contact.radius` or a coarser mesh",
+            Problem::Disc(DiscError::TooNarrow { .. }) => {
+                "give a larger `contact.radius`, 0 for a point, or `contact.surface = \"faceted\"`"
             }
             Problem::Network(_) | Problem::Surface(_) | Problem::Model(_) | Problem::OwnPart(_) => return None,
             _ => return self.key().and_then(accepted).map(|values| format!("accepted: {values}")),

@@ -126,6 +126,7 @@ pub struct ContactTable {
     pub scheme: SchemeName,
     #[serde(default)]
     pub surface: ContactSurface,
+    pub radius: Option<f64>,
     pub deformation: Option<Deformation>,
     pub metric: Option<Metric>,
     pub wall_stiffness: Option<f64>,

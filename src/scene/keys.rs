@@ -175,6 +175,12 @@ const KEYS: &[(&str, Accepts)] = &[
     ),
     ("contact.scheme", words!(SchemeName, "")),
     ("contact.surface", words!(ContactSurface, "")),
+    (
+        "contact.radius",
+        Text(
+            "a finite number of at least 0, in m (default 0: a point): a Hertzian pressure of this radius spreads the contact; it may reach 512 nodes",
+        ),
+    ),
     ("contact.deformation", words!(Deformation, "; only with `scheme = \"geometric\"`")),
     ("contact.metric", words!(Metric, "; only with `scheme = \"geometric\"`")),
     ("contact.wall_stiffness", Text("a finite number of at least 0, in N/m (default 1000)")),

@@ -73,6 +73,8 @@ pub struct Scene {
     pub integrator: LocalIntegrator,
     /// The surface that the tip touches.
     pub surface: ContactSurface,
+    /// Radius of the disc over which a contact is spread, m; 0 for the paper's point.
+    pub contact_radius: f64,
     /// Law, scheme and rigid wall of the contact.
     pub contact: ContactRules,
     /// Kind of instrument.

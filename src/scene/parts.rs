@@ -112,6 +112,7 @@ impl Scene {
             part("rewind to the time of collision", !is_impulsive, scheme_is),
             part("vertex normals", self.surface == ContactSurface::Shaded, surface_is.clone()),
             part("subdivision tables", self.surface == ContactSurface::Subdivision, surface_is),
+            part("contact over a disc", self.contact_radius > 0.0, format!("contact.radius = {}", self.contact_radius)),
             part(
                 "linearisation (K, D)",
                 !self.is_full() && local.linearization != Linearization::None,

@@ -96,6 +96,7 @@ fn assemble(file: SceneFile, folder: &Path) -> Read<Scene> {
         global: global::global(&file)?,
         contact: contact(&file.contact)?,
         surface: file.contact.surface,
+        contact_radius: file.contact.radius.unwrap_or(0.0),
         smoothing_ticks: file.instrument.smoothing_ticks.unwrap_or(0),
         name: file.name,
         mesh,

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use super::subdivision::{LARGEST_SUPPORT, LimitSurface};
+use super::disc::{DiscError, DiscSurface, RestSurface};
+use super::subdivision::LimitSurface;
 use crate::Vec3;
 use crate::model::topology::{Surface, SurfaceError};
 use crate::word::words;
@@ -47,8 +48,28 @@ pub enum ContactGeometry {
     Faceted,
     /// The triangles with interpolated normals.
     Shaded,
-    /// The Loop limit surface.
+    /// A surface with derivatives.
+    Smooth(SmoothSurface),
+}
+
+/// A contact surface that is given by weights of its vertices and their derivatives.
+#[derive(Debug, Clone)]
+pub enum SmoothSurface {
+    /// The Loop limit surface, touched at a point.
     Limit(Arc<LimitSurface>),
+    /// Any kind of surface, touched over a disc.
+    Disc(Arc<DiscSurface>),
+}
+
+impl SmoothSurface {
+    /// Bound on the speed of a point of the surface, over that of the fastest vertex. On a disc the offset from the mean of the
+    /// vertices, shorter than the radius, turns with the vertices, whose mean distance is a good half of the radius.
+    pub fn agility(&self) -> f64 {
+        match self {
+            Self::Disc(disc) if disc.turns() => 3.0,
+            Self::Disc(_) | Self::Limit(_) => 1.0,
+        }
+    }
 }
 
 impl ContactGeometry {
@@ -60,7 +81,7 @@ impl ContactGeometry {
         Ok(match kind {
             ContactSurface::Faceted => Self::Faceted,
             ContactSurface::Shaded => Self::Shaded,
-            ContactSurface::Subdivision => Self::Limit(Arc::new(LimitSurface::new(surface)?)),
+            ContactSurface::Subdivision => Self::Smooth(SmoothSurface::Limit(Arc::new(LimitSurface::new(surface)?))),
         })
     }
 
@@ -69,7 +90,8 @@ impl ContactGeometry {
     pub fn support<'a>(&'a self, surface: &'a Surface, triangle: u32) -> &'a [u32] {
         match self {
             Self::Faceted | Self::Shaded => &surface.triangles[triangle as usize],
-            Self::Limit(limit) => limit.support(triangle),
+            Self::Smooth(SmoothSurface::Limit(limit)) => limit.support(triangle),
+            Self::Smooth(SmoothSurface::Disc(disc)) => disc.support(triangle),
         }
     }
 
@@ -77,25 +99,37 @@ impl ContactGeometry {
     pub fn largest_support(&self) -> usize {
         match self {
             Self::Faceted | Self::Shaded => 3,
-            Self::Limit(limit) => limit.largest_support(),
+            Self::Smooth(SmoothSurface::Limit(limit)) => limit.largest_support(),
+            Self::Smooth(SmoothSurface::Disc(disc)) => disc.largest_support(),
         }
     }
 
-    /// Returns the support's vertices with their weights at a contact point: p = Σ wᵢxᵢ, Σ w = 1.
-    pub fn weights(&self, surface: &Surface, point: &ContactPoint) -> impl Iterator<Item = (u32, f64)> {
-        let mut weights = [(0, 0.0); LARGEST_SUPPORT];
-        let support = self.support(surface, point.triangle);
+    /// Largest distance of a contact point from the convex hull of its support, m: on a disc, the mean of the vertices is within
+    /// the radius of the location.
+    pub fn overhang(&self) -> f64 {
         match self {
-            Self::Faceted | Self::Shaded => {
-                weights.iter_mut().zip(support.iter().copied().zip(point.weights)).for_each(|(to, from)| *to = from);
-            }
-            Self::Limit(limit) => {
-                let jet = limit.jet(point.triangle, point.weights);
-                let values = jet.entries().iter().map(|entry| entry[0]);
-                weights.iter_mut().zip(support.iter().copied().zip(values)).for_each(|(to, from)| *to = from);
-            }
+            Self::Faceted | Self::Shaded | Self::Smooth(SmoothSurface::Limit(_)) => 0.0,
+            Self::Smooth(SmoothSurface::Disc(disc)) => disc.radius(),
         }
-        weights.into_iter().take(support.len())
+    }
+
+    /// Returns the support's vertices with their weights at a contact point, W: Σ w = 1. It allocates.
+    pub fn weights<'a>(
+        &'a self,
+        surface: &'a Surface,
+        point: &ContactPoint,
+    ) -> impl Iterator<Item = (u32, f64)> + use<'a> {
+        let support = self.support(surface, point.triangle).iter().copied();
+        let weights: Vec<f64> = match self {
+            Self::Faceted | Self::Shaded => point.weights.to_vec(),
+            Self::Smooth(SmoothSurface::Limit(limit)) => {
+                limit.jet(point.triangle, point.weights).entries().iter().map(|entry| entry[0]).collect()
+            }
+            Self::Smooth(SmoothSurface::Disc(disc)) => {
+                disc.weights(point).entries().iter().map(|(weight, _)| *weight).collect()
+            }
+        };
+        support.zip(weights)
     }
 }
 
@@ -118,6 +152,28 @@ impl SurfaceModel {
         Ok(Self { geometry: ContactGeometry::new(kind, &topology)?, topology })
     }
 
+    /// Spreads its contacts over discs of this radius, m, around their points on the surface at rest, whose vertices are among
+    /// these nodes; a radius of 0 leaves them points. A body with fewer than three fixed nodes can turn.
+    ///
+    /// # Errors
+    /// If the disc spreads over too many vertices, or is too small for a subdivision surface.
+    pub fn spread(self, radius: f64, rest: &[Vec3], fixed: &[bool]) -> Result<Self, DiscError> {
+        if radius == 0.0 {
+            return Ok(self);
+        }
+        let Self { topology, geometry } = self;
+        let rest: Vec<Vec3> = topology.vertex_node.iter().map(|&node| rest[node as usize]).collect();
+        let kind = match geometry {
+            ContactGeometry::Faceted => RestSurface::Faceted,
+            ContactGeometry::Shaded => RestSurface::Shaded(vertex_normals(&topology, &rest)),
+            ContactGeometry::Smooth(SmoothSurface::Limit(limit)) => RestSurface::Limit(limit),
+            ContactGeometry::Smooth(SmoothSurface::Disc(disc)) => disc.kind().clone(),
+        };
+        let turns = fixed.iter().filter(|&&fixed| fixed).count() < 3;
+        let disc = DiscSurface::new(kind, topology.clone(), rest, radius, turns)?;
+        Ok(Self { topology, geometry: ContactGeometry::Smooth(SmoothSurface::Disc(Arc::new(disc))) })
+    }
+
     /// Prepares the triangles with their face normals (the paper), which any mesh has.
     pub fn faceted(topology: Arc<Surface>) -> Self {
         Self { topology, geometry: ContactGeometry::Faceted }
@@ -128,7 +184,7 @@ impl SurfaceModel {
         self.geometry.support(&self.topology, triangle)
     }
 
-    /// Returns the support's vertices with their weights at a contact point: p = Σ wᵢxᵢ, Σ w = 1.
+    /// Returns the support's vertices with their weights at a contact point, W: Σ w = 1. It allocates.
     pub fn weights(&self, point: &ContactPoint) -> impl Iterator<Item = (u32, f64)> {
         self.geometry.weights(&self.topology, point)
     }
@@ -137,6 +193,18 @@ impl SurfaceModel {
     pub fn node_weights(&self, point: &ContactPoint) -> impl Iterator<Item = (usize, f64)> {
         self.weights(point).map(|(vertex, weight)| (self.topology.vertex_node[vertex as usize] as usize, weight))
     }
+}
+
+/// Normalised sums of the area normals around each vertex.
+fn vertex_normals(topology: &Surface, vertices: &[Vec3]) -> Vec<Vec3> {
+    let mut normals = vec![Vec3::zeros(); vertices.len()];
+    for &triangle in &topology.triangles {
+        let [a, b, c] = triangle.map(|vertex| vertices[vertex as usize]);
+        let normal = (b - a).cross(&(c - a));
+        triangle.iter().for_each(|&vertex| normals[vertex as usize] += normal);
+    }
+    normals.iter_mut().for_each(|normal| *normal = normal.normalize());
+    normals
 }
 
 /// A material point of the surface.

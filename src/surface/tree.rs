@@ -160,7 +160,7 @@ impl Boxes {
             } else {
                 let triangles = &tree.triangles[node.first as usize..(node.first + node.count) as usize];
                 let support = triangles.iter().flat_map(|&t| geometry.support(surface, t));
-                Aabb::around(support.map(|&v| vertices[v as usize]))
+                Aabb::around(support.map(|&v| vertices[v as usize])).grown(geometry.overhang())
             };
         }
         Self { tree, boxes }

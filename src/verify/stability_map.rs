@@ -16,6 +16,7 @@ use crate::model::network::NetworkError;
 use crate::model::springs::TangentKind;
 use crate::model::topology::SurfaceError;
 use crate::scene::{Scene, SchemeName};
+use crate::surface::disc::DiscError;
 
 /// Range of steps that are tried, s.
 const SHORTEST: f64 = 1e-9;
@@ -158,6 +159,9 @@ pub enum MapError {
     /// K is singular.
     #[error("the patch can move without a force: nothing holds it against the tip")]
     NotHeld,
+    /// The contact cannot be spread over a disc.
+    #[error(transparent)]
+    Disc(#[from] DiscError),
     /// The network cannot be built.
     #[error(transparent)]
     Network(#[from] NetworkError),

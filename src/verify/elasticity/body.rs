@@ -33,7 +33,7 @@ pub(super) struct Body {
 }
 
 /// Prescribed displacements, for each component of each node.
-type Given = Vec<[Option<f64>; 3]>;
+pub(super) type Given = Vec<[Option<f64>; 3]>;
 
 impl Body {
     /// Builds a block with `cells` cells along its side and a length of `sides` sides.
@@ -61,6 +61,15 @@ impl Body {
             }
             Filling::Gmsh => of_tetrahedra(bar(cells)?),
         }
+    }
+
+    /// Builds a block of lattice cells twice as wide as deep around the origin, the middle of its top, with `cells` cells along
+    /// its depth, and returns it with its mesh.
+    pub(super) fn half_space(cells: usize) -> Result<(Self, Mesh), ElasticityError> {
+        let nodes = [2 * cells + 1, 2 * cells + 1, cells + 1];
+        let block = Block { nodes, spacing: SIZE / cells as f64, stencil: Stencil::Shear };
+        let mesh = block.mesh();
+        Ok((Self::filled(&mesh, Bulk::Lattice(&block), Identification::default())?, mesh))
     }
 
     fn filled(mesh: &Mesh, bulk: Bulk, identification: Identification) -> Result<Self, ElasticityError> {
@@ -100,7 +109,7 @@ impl Body {
     }
 
     /// Solves for the displacements in equilibrium with loads, N.
-    fn solve(&self, given: &Given, mut load: Vec<Vec3>) -> Result<Vec<Vec3>, ElasticityError> {
+    pub(super) fn solve(&self, given: &Given, mut load: Vec<Vec3>) -> Result<Vec<Vec3>, ElasticityError> {
         let imposed: Vec<Vec3> = given.iter().map(|node| Vec3::from(node.map(|value| value.unwrap_or(0.0)))).collect();
         for (load, force) in load.iter_mut().zip(self.forces(&imposed)) {
             *load += force;
@@ -179,7 +188,7 @@ impl Body {
     pub(super) fn indented(&self) -> Result<f64, ElasticityError> {
         let given = self.nodes().map(|(x, first, last)| {
             if last[0] || last[1] || first[2] {
-                boussinesq(x)
+                boussinesq(x).map(Some).into()
             } else {
                 [first[0].then_some(0.0), first[1].then_some(0.0), None]
             }
@@ -200,14 +209,14 @@ impl Body {
 
 /// Returns the displacement of the half-space z < 0 under a downward force at the origin, m (J. Boussinesq, 1885; in
 /// this form K. L. Johnson, Contact Mechanics, 1985, 3.2).
-fn boussinesq(x: Vec3) -> [Option<f64>; 3] {
+pub(super) fn boussinesq(x: Vec3) -> Vec3 {
     let (depth, r, distance) = (-x.z, x.x.hypot(x.y), x.norm());
     let shear = YOUNG_MODULUS / (2.0 * (1.0 + POISSON_RATIO));
     let scale = FORCE / (4.0 * PI * shear);
     let down = depth * depth / distance.powi(3) + 2.0 * (1.0 - POISSON_RATIO) / distance;
     let outwards = r * depth / distance.powi(3) - (1.0 - 2.0 * POISSON_RATIO) * r / (distance * (distance + depth));
     let across = if r > 0.0 { scale * outwards / r } else { 0.0 };
-    [Some(across * x.x), Some(across * x.y), Some(-scale * down)]
+    Vec3::new(across * x.x, across * x.y, -scale * down)
 }
 
 /// Moves a mesh to the place of the blocks.

@@ -3,6 +3,7 @@
 //! cannot have a Poisson's ratio other than 1/4, so that of the solid is 1/4.
 
 mod body;
+pub mod disc;
 
 use std::f64::consts::PI;
 
@@ -14,6 +15,8 @@ use crate::Vec3;
 use crate::mesh_file::MeshFileError;
 use crate::model::material::{Identification, MaterialError, POISSON_RATIO};
 use crate::model::network::NetworkError;
+use crate::model::topology::SurfaceError;
+use crate::surface::disc::DiscError;
 
 /// Young's modulus E, Pa; displacements are linear in everything, so its value does not matter.
 const YOUNG_MODULUS: f64 = 5e3;
@@ -200,6 +203,12 @@ pub enum ElasticityError {
     /// No node lies where the indentation is read: there are too few cells.
     #[error("no node lies where the indentation is read; give more cells")]
     NothingToRead,
+    /// The mesh has no proper surface.
+    #[error(transparent)]
+    Surface(#[from] SurfaceError),
+    /// The contact cannot be spread over the disc.
+    #[error(transparent)]
+    Disc(#[from] DiscError),
     /// The network can move without a force.
     #[error("the network has no stable equilibrium under this load")]
     Unstable,

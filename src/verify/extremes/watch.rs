@@ -11,7 +11,6 @@ use crate::model::mesh::Mesh;
 use crate::output::measures::is_tunnelling;
 use crate::pipeline::TickView;
 use crate::scene::Scene;
-use crate::surface::subdivision::LARGEST_SUPPORT;
 use crate::surface::support::Support;
 use crate::verify::residual::larger;
 use crate::verify::residual::largest;
@@ -95,7 +94,7 @@ impl Watch {
         model.patch.springs.add_forces(&state.x, &state.v, &mut f);
         let ground: Vec3 = f[model.patch.len()..].iter().sum();
         let weight = self.gravity * model.patch.mass.iter().sum::<f64>();
-        let mut support = Support::with_capacity(LARGEST_SUPPORT);
+        let mut support = Support::with_capacity(view.local.surface().geometry.largest_support());
         if let (Some(contact), false) = (view.local.contact(), view.report.rigid) {
             view.local.shape().touch(self.scheme.metric(), &contact.point, &mut support);
         }

@@ -18,7 +18,6 @@ use crate::model::springs::TangentKind;
 use crate::model::topology::Surface;
 use crate::scene::Scene;
 use crate::surface::geometry::{ContactPoint, SurfaceModel};
-use crate::surface::subdivision::LARGEST_SUPPORT;
 use crate::surface::support::{Metric, Support};
 
 /// Ticks of a measurement.
@@ -123,6 +122,7 @@ impl Subject {
         let mesh = scene.mesh.mesh();
         let surface = Arc::new(Surface::new(&mesh)?);
         let surface = SurfaceModel::new(scene.surface, surface)?;
+        let surface = surface.spread(scene.contact_radius, &mesh.nodes, &scene.fixed)?;
         let mut material = scene.material.clone();
         material.gravity = Vec3::zeros();
         if point.axis == Axis::Stiffness {
@@ -150,7 +150,7 @@ impl Subject {
         let contact = simulation.shape().nearest(scene.path.at(0.0)).ok_or(MapError::NoSurface)?;
         let (model, _) = build(&material, ExteriorKind::Fixed, extent, Some(contact.triangle))?;
 
-        let mut support = Support::with_capacity(LARGEST_SUPPORT);
+        let mut support = Support::with_capacity(surface.geometry.largest_support());
         let metric = scheme.metric();
         simulation.shape().touch(metric, &contact, &mut support);
         let heaviest = support.nodes().iter().max_by(|a, b| a.weight.total_cmp(&b.weight));

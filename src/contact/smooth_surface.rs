@@ -1,10 +1,12 @@
-//! Contact with a Loop limit surface: its point nearest to the tip, by a safeguarded Newton search that walks from
-//! triangle to triangle; the side on which the tip is; and the time at which the tip passes inwards.
+//! Contact with a surface that has derivatives, the Loop limit surface or one that is felt over a disc: its point nearest to
+//! the tip, by a safeguarded Newton search that walks from triangle to triangle; the side on which the tip is; and the time
+//! at which the tip passes inwards.
 
 use super::collision::{Collision, START_TOLERANCE};
 use super::shape::{Projection, Shape};
 use crate::Vec3;
-use crate::surface::geometry::ContactPoint;
+use crate::surface::disc::{DiscSurface, DiscWeights, Felt};
+use crate::surface::geometry::{ContactPoint, SmoothSurface};
 use crate::surface::subdivision::{DERIVATIVES, Jet, LimitSurface};
 use crate::surface::tree::Aabb;
 
@@ -19,6 +21,9 @@ const LARGEST_SEARCH: usize = 200;
 const RESTARTS: usize = 3;
 /// Largest number of halvings of a step that does not lead nearer.
 const HALVINGS: usize = 30;
+/// Largest number of edges that a search crosses without moving. One that crosses more is at a corner of the body, and goes
+/// around it.
+const LARGEST_STALL: usize = 16;
 
 /// A tick is examined in pieces in which tip and surface move by no more than this share of a mesh edge, so that a body
 /// of that thickness is not passed through undetected.
@@ -31,7 +36,7 @@ const LOOKS: u32 = 12;
 /// Width in τ to which a passage is located.
 const TIME_TOLERANCE: f64 = 1e-15;
 
-/// A point of the limit surface at one instant, with its derivatives by β and γ.
+/// A point of a smooth surface at one instant, with its derivatives by β and γ.
 ///
 /// ```
 /// use stickslip::{Vec3, pipeline::Simulation, scene::Scene, surface::geometry::ContactGeometry};
@@ -39,9 +44,9 @@ const TIME_TOLERANCE: f64 = 1e-15;
 /// let scene = Scene::shipped("fig3-sliding-subdivision").expect("shipped with the program");
 /// let simulation = Simulation::prepare(&scene)?;
 /// let block = simulation.local().shape();
-/// let ContactGeometry::Limit(limit) = &block.surface.geometry else { panic!("the scene says subdivision") };
+/// let ContactGeometry::Smooth(smooth) = &block.surface.geometry else { panic!("the scene says subdivision") };
 /// let tip = Vec3::new(0.001, 0.0013, 0.002);
-/// let point = block.limit_point(limit, &block.nearest(tip).expect("the surface is not empty"));
+/// let point = block.smooth_point(smooth, &block.nearest(tip).expect("the surface is not empty"));
 /// assert!((point.position - Vec3::new(0.001, 0.0013, 0.0)).norm() < 1e-12); // the top is flat in the middle
 /// assert!((point.normal() - Vec3::z()).norm() < 1e-12);
 /// assert!(point.tangents.iter().all(|tangent| tangent.dot(&point.normal()).abs() < 1e-15));
@@ -49,16 +54,17 @@ const TIME_TOLERANCE: f64 = 1e-15;
 /// # Ok::<(), stickslip::scene::SceneError>(())
 /// ```
 #[derive(Debug, Clone, Copy)]
-pub struct LimitPoint {
+pub struct SurfacePoint {
     /// Position p, m.
     pub position: Vec3,
     /// Tangents ∂p/∂β and ∂p/∂γ, m.
     pub tangents: [Vec3; 2],
-    /// Second derivatives ∂²p/∂β², ∂²p/∂β∂γ, ∂²p/∂γ², m.
+    /// Second derivatives ∂²p/∂β², ∂²p/∂β∂γ, ∂²p/∂γ², m. Zero where they are not known, which makes Newton's step that of
+    /// Gauss and Newton.
     pub curvatures: [Vec3; 3],
 }
 
-impl LimitPoint {
+impl SurfacePoint {
     /// Unit normal n̂, not finite where the surface has no tangent plane.
     pub fn normal(&self) -> Vec3 {
         self.tangents[0].cross(&self.tangents[1]).normalize()
@@ -99,50 +105,67 @@ impl LimitPoint {
 /// Outcome of a search for the nearest point.
 struct Search {
     point: ContactPoint,
-    surface: LimitPoint,
+    surface: SurfacePoint,
     over_border: bool,
 }
 
 impl Shape<'_> {
-    /// Evaluates the limit surface at a contact point.
-    pub fn limit_point(&self, limit: &LimitSurface, point: &ContactPoint) -> LimitPoint {
-        self.limit_point_of(limit, point.triangle, &limit.jet(point.triangle, point.weights))
+    /// Evaluates a smooth surface at a contact point.
+    pub fn smooth_point(&self, smooth: &SmoothSurface, point: &ContactPoint) -> SurfacePoint {
+        match smooth {
+            SmoothSurface::Limit(limit) => {
+                self.limit_point(limit, point.triangle, &limit.jet(point.triangle, point.weights))
+            }
+            SmoothSurface::Disc(disc) => {
+                let Felt { position, tangents, .. } = self.felt(disc, point.triangle, &disc.weights(point));
+                SurfacePoint { position, tangents, curvatures: [Vec3::zeros(); 3] }
+            }
+        }
     }
 
-    pub(super) fn limit_point_of(&self, limit: &LimitSurface, triangle: u32, jet: &Jet) -> LimitPoint {
+    pub(super) fn felt(&self, disc: &DiscSurface, triangle: u32, weights: &DiscWeights) -> Felt {
+        disc.felt(triangle, weights, |vertex| self.model.vertex(vertex, self.x, self.elapsed))
+    }
+
+    pub(super) fn limit_point(&self, limit: &LimitSurface, triangle: u32, jet: &Jet) -> SurfacePoint {
         let mut sums = [Vec3::zeros(); DERIVATIVES];
         for (&vertex, entry) in limit.support(triangle).iter().zip(jet.entries()) {
             let x = self.model.vertex(vertex, self.x, self.elapsed);
             sums.iter_mut().zip(entry).for_each(|(sum, weight)| *sum += x * *weight);
         }
         let [position, pb, pg, pbb, pbg, pgg] = sums;
-        LimitPoint { position, tangents: [pb, pg], curvatures: [pbb, pbg, pgg] }
+        SurfacePoint { position, tangents: [pb, pg], curvatures: [pbb, pbg, pgg] }
     }
 
     /// Returns the nearest point that a walk downhill from `from` finds. Beyond the border of an open surface the
     /// contact ends.
-    pub(super) fn project_onto_limit(&self, limit: &LimitSurface, from: &ContactPoint, q: Vec3) -> Projection {
-        let search = self.descend(limit, *from, q);
+    pub(super) fn project_onto_smooth(&self, smooth: &SmoothSurface, from: &ContactPoint, q: Vec3) -> Projection {
+        let search = self.descend(smooth, *from, q);
         if search.over_border { Projection::OverBorder } else { Projection::Found(search.point) }
     }
 
-    /// Returns the nearest point of the limit surface.
-    pub(super) fn nearest_on_limit(&self, limit: &LimitSurface, q: Vec3) -> Option<ContactPoint> {
-        Some(self.search(limit, q)?.point)
+    /// Returns the nearest point of a smooth surface.
+    pub(super) fn nearest_on_smooth(&self, smooth: &SmoothSurface, q: Vec3) -> Option<ContactPoint> {
+        Some(self.search(smooth, q)?.point)
     }
 
     /// Searches downhill from the nearest point of the control mesh, and again if the middle of another triangle's
     /// surface is nearer than the point found. The two differ where the mesh is crumpled, because control vertices
     /// stick out of the surface that they define.
-    fn search(&self, limit: &LimitSurface, q: Vec3) -> Option<Search> {
-        let mut best = self.descend(limit, self.nearest_on_triangles(q)?, q);
-        for _ in 0..RESTARTS {
+    fn search(&self, smooth: &SmoothSurface, q: Vec3) -> Option<Search> {
+        let mut best = self.descend(smooth, self.nearest_on_triangles(q)?, q);
+        let restarts = match smooth {
+            SmoothSurface::Limit(_) => RESTARTS,
+            // A mean over a disc has no crumples, and each look would be as costly as a step.
+            SmoothSurface::Disc(_) => 0,
+        };
+        for _ in 0..restarts {
             let distance = (q - best.surface.position).norm();
             let reach = self.reach();
             let mut nearer: (f64, Option<ContactPoint>) = (distance, None);
             let look = |nearer: &mut (f64, Option<ContactPoint>), triangle: u32| {
                 let middle = ContactPoint { triangle, weights: [1.0 / 3.0; 3] };
-                let away = (q - self.limit_point(limit, &middle).position).norm();
+                let away = (q - self.smooth_point(smooth, &middle).position).norm();
                 if away < nearer.0 {
                     *nearer = (away, Some(middle));
                 }
@@ -150,7 +173,7 @@ impl Shape<'_> {
             // The surface over a triangle lies in the convex hull of its support.
             self.model.boxes.search(&mut nearer, |nearer, aabb| aabb.distance(q) - reach < nearer.0, look);
             let Some(start) = nearer.1 else { break };
-            best = self.descend(limit, start, q);
+            best = self.descend(smooth, start, q);
         }
         Some(best)
     }
@@ -161,28 +184,68 @@ impl Shape<'_> {
         Some((b - a).norm().max((c - b).norm()).max((a - c).norm()))
     }
 
-    /// Distance of q from the limit surface, m, negative on the inner side of its nearest point; NaN if the surface is
+    /// Distance of q from a smooth surface, m, negative on the inner side of its nearest point; NaN if the surface is
     /// not finite.
-    pub(super) fn signed_distance_to_limit(&self, limit: &LimitSurface, q: Vec3) -> f64 {
-        self.search(limit, q).map_or(f64::NAN, |search| signed(q, &search.surface))
+    pub(super) fn signed_distance_to_smooth(&self, smooth: &SmoothSurface, q: Vec3) -> f64 {
+        self.search(smooth, q)
+            .map_or(f64::NAN, |search| signed(q, search.surface.position, self.outwards(smooth, &search)))
+    }
+
+    /// Vector to the outer side at the end of a search. Triangles that are felt over a disc meet at angles where the body has
+    /// edges: there it is the angle-weighted pseudonormal (Bærentzen & Aanæs 2005).
+    fn outwards(&self, smooth: &SmoothSurface, Search { point, surface, .. }: &Search) -> Vec3 {
+        let normal = surface.tangents[0].cross(&surface.tangents[1]);
+        if let SmoothSurface::Limit(_) = smooth {
+            return normal;
+        }
+        let topology = &self.surface.topology;
+        let (vertices, neighbors) =
+            (topology.triangles[point.triangle as usize], topology.neighbors[point.triangle as usize]);
+        let on_edge = |k: usize| !(point.weights[k] > 0.0);
+        match (0..3).filter(|&k| on_edge(k)).count() {
+            0 => normal,
+            1 => {
+                let neighbor = (0..3).find(|&k| on_edge(k)).and_then(|k| neighbors[k]);
+                let across = neighbor.map(|neighbor| self.smooth_point(smooth, &self.across(point, neighbor)).normal());
+                normal.normalize() + across.unwrap_or_default()
+            }
+            _ => {
+                let corner = vertices[Vec3::from(point.weights).imax()];
+                let around = topology.incident(corner).iter().map(|&triangle| {
+                    let k = topology.triangles[triangle as usize].iter().position(|&v| v == corner).unwrap_or(0);
+                    let mut weights = [0.0; 3];
+                    weights[k] = 1.0;
+                    let there = self.smooth_point(smooth, &ContactPoint { triangle, weights });
+                    let [b, g] = there.tangents;
+                    let sides = [[b, g], [g - b, -b], [-g, b - g]][k];
+                    there.normal() * sides[0].angle(&sides[1])
+                });
+                around.sum()
+            }
+        }
     }
 
     /// Minimises |q − p(β, γ)| over the surface. A step that leaves its triangle ends on the edge, and the search
     /// continues in the neighbour; at a border it continues along the border.
-    fn descend(&self, limit: &LimitSurface, from: ContactPoint, q: Vec3) -> Search {
+    fn descend(&self, smooth: &SmoothSurface, from: ContactPoint, q: Vec3) -> Search {
         let [a, b, c] = self.corners(from.triangle);
         let shortest = STEP_TOLERANCE * (b - a).norm().max((c - a).norm());
         let mut here = ContactPoint { triangle: from.triangle, weights: from.weights.map(|w| w.max(0.0)) };
-        let mut surface = self.limit_point(limit, &here);
+        let mut surface = self.smooth_point(smooth, &here);
         let mut came_from = None;
         let mut newton = true;
         let mut over_border = false;
+        let mut stall = 0;
         for _ in 0..LARGEST_SEARCH {
             let offset = q - surface.position;
             let mut step = surface.step(offset, newton);
             let border = self.border_ahead(&here, step);
             over_border = border.is_some();
-            if let Some(opposite) = border {
+            let crease = match smooth {
+                SmoothSurface::Limit(_) => None,
+                SmoothSurface::Disc(_) => self.crease_ahead(&here, step, came_from),
+            };
+            if let Some(opposite) = border.or(crease) {
                 step = surface.step_along(offset, EDGE_DIRECTIONS[opposite]);
             }
             let length = surface.along(step).norm();
@@ -190,13 +253,21 @@ impl Shape<'_> {
             if !(length > shortest) {
                 break;
             }
-            let Some((next, crossed, moved)) = self.advance(limit, &here, &surface, q, step) else { break };
+            let Some((next, crossed, moved)) = self.advance(smooth, &here, &surface, q, step) else { break };
             if let Some(neighbor) = crossed {
                 // The step leads back across the edge just crossed: the second-order models of the two sides disagree.
                 newton &= came_from != Some(neighbor);
                 came_from = Some(here.triangle);
             }
+            if let SmoothSurface::Disc(_) = smooth {
+                let has_moved = (moved.position - surface.position).norm() > shortest;
+                stall = if has_moved { 0 } else { stall + 1 };
+                came_from = came_from.filter(|_| crossed.is_some());
+            }
             (here, surface) = (next, moved);
+            if stall > LARGEST_STALL {
+                break;
+            }
         }
         Search { point: here, surface, over_border }
     }
@@ -204,11 +275,22 @@ impl Shape<'_> {
     /// Returns the edge, by the opposite corner, over which the search is about to leave an open surface: the point is
     /// on that edge, and the step points outwards.
     fn border_ahead(&self, here: &ContactPoint, step: [f64; 2]) -> Option<usize> {
+        self.edge_ahead(here, step, None)
+    }
+
+    /// Returns the edge over which the search is about to go back to the triangle that it has just left: the nearest point is
+    /// on this edge, along which triangles meet at an angle.
+    fn crease_ahead(&self, here: &ContactPoint, step: [f64; 2], came_from: Option<u32>) -> Option<usize> {
+        came_from.and_then(|_| self.edge_ahead(here, step, came_from))
+    }
+
+    /// Returns the edge to this neighbour, if the point is on it and the step leads over it.
+    fn edge_ahead(&self, here: &ContactPoint, step: [f64; 2], neighbor: Option<u32>) -> Option<usize> {
         let change = [-step[0] - step[1], step[0], step[1]];
         (0..3).find(|&k| {
             here.weights[k] <= 0.0
                 && change[k] < 0.0
-                && self.surface.topology.neighbors[here.triangle as usize][k].is_none()
+                && self.surface.topology.neighbors[here.triangle as usize][k] == neighbor
         })
     }
 
@@ -216,12 +298,12 @@ impl Shape<'_> {
     /// triangle entered, if any; `None` if no step leads nearer.
     fn advance(
         &self,
-        limit: &LimitSurface,
+        smooth: &SmoothSurface,
         here: &ContactPoint,
-        surface: &LimitPoint,
+        surface: &SurfacePoint,
         q: Vec3,
         step: [f64; 2],
-    ) -> Option<(ContactPoint, Option<u32>, LimitPoint)> {
+    ) -> Option<(ContactPoint, Option<u32>, SurfacePoint)> {
         // Near the end, and on entering the next triangle, the distance changes only by round-off.
         let distance = (q - surface.position).norm();
         let round_off = ROUND_OFF * (q.norm() + surface.position.norm());
@@ -232,7 +314,7 @@ impl Shape<'_> {
             if let Some(neighbor) = crossed {
                 point = self.across(&point, neighbor);
             }
-            let moved = self.limit_point(limit, &point);
+            let moved = self.smooth_point(smooth, &point);
             if (q - moved.position).norm() <= distance + round_off {
                 return Some((point, crossed, moved));
             }
@@ -281,9 +363,10 @@ const ROUND_OFF: f64 = 16.0 * f64::EPSILON;
 /// Direction ∂(β, γ) along the edge opposite each corner.
 const EDGE_DIRECTIONS: [[f64; 2]; 3] = [[-1.0, 1.0], [0.0, 1.0], [1.0, 0.0]];
 
-fn signed(q: Vec3, nearest: &LimitPoint) -> f64 {
-    let offset = q - nearest.position;
-    let side = offset.dot(&nearest.tangents[0].cross(&nearest.tangents[1]));
+/// Distance of q from its nearest point, m, negative on the side away from `outwards`.
+fn signed(q: Vec3, nearest: Vec3, outwards: Vec3) -> f64 {
+    let offset = q - nearest;
+    let side = offset.dot(&outwards);
     if side > 0.0 {
         offset.norm()
     } else if side <= 0.0 {
@@ -297,8 +380,8 @@ fn signed(q: Vec3, nearest: &LimitPoint) -> f64 {
 type Moment = (f64, f64);
 
 /// The surface while it moves from its position at the start of a tick to the predicted one.
-pub(super) struct MovingLimit<'a> {
-    pub limit: &'a LimitSurface,
+pub(super) struct MovingSurface<'a> {
+    pub smooth: &'a SmoothSurface,
     pub start: Shape<'a>,
     pub end: Shape<'a>,
     pub between: &'a mut [Vec3],
@@ -306,7 +389,7 @@ pub(super) struct MovingLimit<'a> {
     pub q1: Vec3,
 }
 
-impl MovingLimit<'_> {
+impl MovingSurface<'_> {
     /// Returns when and where the tip passes from the outer to the inner side. A tip that is inside at the start passes
     /// through nothing.
     pub fn first_collision(&mut self, tested: &mut u64) -> Option<Collision> {
@@ -320,7 +403,7 @@ impl MovingLimit<'_> {
             return None;
         }
 
-        let speed = (self.q1 - self.q0).norm() + self.fastest();
+        let speed = (self.q1 - self.q0).norm() + self.fastest() * self.smooth.agility();
         let mut before = (0.0, self.distance(0.0));
         // The tip is inside, or further away than all motion within the tick.
         if !(before.1 >= -START_TOLERANCE && before.1 <= speed) {
@@ -335,7 +418,7 @@ impl MovingLimit<'_> {
             let mut looks = LOOKS;
             if let Some((outside, inside)) = self.passage(before, after, speed, &mut looks) {
                 let time = self.root_between(outside, inside);
-                let point = self.at(time, |shape, limit, q| shape.nearest_on_limit(limit, q))?;
+                let point = self.at(time, |shape, smooth, q| shape.nearest_on_smooth(smooth, q))?;
                 return Some(Collision { time, point });
             }
             before = after;
@@ -366,17 +449,17 @@ impl MovingLimit<'_> {
 
     /// Signed distance of the tip at τ, m.
     fn distance(&mut self, time: f64) -> f64 {
-        self.at(time, |shape, limit, q| shape.signed_distance_to_limit(limit, q))
+        self.at(time, |shape, smooth, q| shape.signed_distance_to_smooth(smooth, q))
     }
 
-    fn at<T>(&mut self, time: f64, evaluate: impl Fn(Shape, &LimitSurface, Vec3) -> T) -> T {
+    fn at<T>(&mut self, time: f64, evaluate: impl Fn(Shape, &SmoothSurface, Vec3) -> T) -> T {
         let between = |from: Vec3, to: Vec3| from + (to - from) * time;
         for ((x, from), to) in self.between.iter_mut().zip(self.start.x).zip(self.end.x) {
             *x = between(*from, *to);
         }
         let elapsed = self.start.elapsed + (self.end.elapsed - self.start.elapsed) * time;
         let shape = Shape { x: self.between, elapsed, ..self.start };
-        evaluate(shape, self.limit, between(self.q0, self.q1))
+        evaluate(shape, self.smooth, between(self.q0, self.q1))
     }
 
     /// Returns the zero between a τ outside and one inside, by false position with the Illinois rule, and by bisection
