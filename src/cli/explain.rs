@@ -1,6 +1,6 @@
 //! `stickslip explain`: a scene's parts, sizes, costs and stability limits, before it runs.
 
-mod device;
+pub(super) mod device;
 
 use std::path::Path;
 
@@ -143,7 +143,7 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
     let (local_step, global_step) = time_steps(scene, &simulation);
     let device = DeviceFacts::new(scene, &simulation);
     let mut warnings = warnings(scene, &simulation, &local_step, integrates.then_some(&global_step));
-    warnings.extend(device.as_ref().and_then(DeviceFacts::warning));
+    warnings.extend(device.iter().flat_map(DeviceFacts::warnings));
     Ok(Explanation {
         scene: scene.name.clone(),
         sizes: sizes(scene, &simulation),

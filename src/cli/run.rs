@@ -5,9 +5,11 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::explain::device::DeviceFacts;
 use super::progress::Progress;
 use super::terminal::{hand_out, say};
 use super::{FAIL, PASS, folder, load, table};
+use crate::device::instrument::InstrumentKind;
 use crate::local::model::Linearization;
 use crate::model::springs::TangentKind;
 use crate::multirate::failsafe::FaultCause;
@@ -23,6 +25,9 @@ const FRAME_TICKS: &str = "20";
 const RUNAWAY_ADVICE: &str = "if `stickslip explain` shows steps within their stability limits, the tangent of \
     compressed springs may be indefinite: give `local.tangent = \"stabilised\"`, `local.linearization = \"none\"` or \
     a higher `global.rate`";
+
+/// Advice for a run whose patch folded.
+const FOLDED_ADVICE: &str = "give `contact.adhesion`, a `contact.radius`, more `local.rings` or a smaller drag";
 
 /// Advice for a run that ended without a fault and whose energy balance is implausible.
 const ENERGY_ADVICE: &str = "the local model and the network may excite each other, or contact may be lost and \
@@ -51,6 +56,12 @@ pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
         }
         None => None,
     };
+    if matches!(scene.instrument, InstrumentKind::Phantom(_)) {
+        let facts = DeviceFacts::new(&scene, &Simulation::prepare(&scene)?);
+        if let Some(warning) = facts.as_ref().and_then(DeviceFacts::count_warning) {
+            eprintln!("Warning: {warning}");
+        }
+    }
     let mut progress = Progress::new(scene.tick_count(), "ticks");
     progress.begin(&scene.name);
     let (finished, is_same) = execute(&scene, &out, |view| {
@@ -61,6 +72,7 @@ pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
     let frames = frames.map(VtkWriter::finish).transpose()?;
     let outcome = match (finished.summary.completed, finished.summary.passes()) {
         (false, _) => "fault",
+        (true, false) if finished.summary.patch_folded > 0 => "folded",
         (true, false) => "tunnelled",
         (true, true) => "completed",
     };
@@ -72,6 +84,12 @@ pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
     }
     if let Some(counts) = &finished.summary.condensation {
         say(counts)?;
+    }
+    if finished.summary.patch_folded > 0 {
+        eprintln!(
+            "The patch folded over the tip: in {} ticks it was inside the surface and felt no force; {FOLDED_ADVICE}",
+            finished.summary.patch_folded
+        );
     }
     let energy = &finished.summary.energy;
     if finished.fault.is_none() && !energy.is_plausible() {

@@ -2,6 +2,7 @@
 //! and the tick that runs them in order.
 
 pub mod collision;
+pub mod impedance;
 pub mod law;
 pub mod literal;
 pub mod massless;

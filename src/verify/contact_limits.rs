@@ -21,7 +21,6 @@ use crate::model::topology::Surface;
 use crate::pipeline::{self, RunError, TickView};
 use crate::scene::Scene;
 use crate::surface::geometry::{ContactSurface, SurfaceModel};
-use crate::surface::subdivision::LARGEST_SUPPORT;
 use crate::surface::support::{Metric, Support};
 
 /// Contacts that are compared: the paper's, the velocity scheme, and the recommended one.
@@ -176,7 +175,7 @@ fn record(scene: &Scene) -> Result<ForceRecord, RunError> {
 /// Force that the dampers add at the contact point if its velocity changes by `jump`, m/s.
 fn damper_force(view: &TickView, jump: Vec3, follows_normal: bool) -> f64 {
     let (Some(touch), local) = (view.report.touch, view.local) else { return 0.0 };
-    let mut support = Support::with_capacity(LARGEST_SUPPORT);
+    let mut support = Support::with_capacity(local.surface().geometry.largest_support());
     local.shape().touch(Metric::Mass, &touch.point, &mut support);
     let jump = if follows_normal { touch.normal * touch.normal.dot(&jump) } else { jump };
     let mut state = local.state().clone();

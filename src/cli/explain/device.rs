@@ -3,8 +3,11 @@
 use serde::Serialize;
 
 use crate::Vec3;
-use crate::contact::rules::Wall;
+use crate::contact::impedance::Impedance;
+use crate::contact::rules::{Scheme, Wall};
 use crate::device::instrument::InstrumentKind;
+use crate::device::phantom::TipSensing;
+use crate::device::phantom::observer::LONGEST_WINDOW_S;
 use crate::pipeline::Simulation;
 use crate::scene::Scene;
 
@@ -25,6 +28,65 @@ pub struct DeviceFacts {
     wall_bound_by_damping_n_per_m: f64,
     /// Passivity bound 2f_c/Δ, by the device's friction; absent if nothing is quantised.
     wall_bound_by_friction_n_per_m: Option<f64>,
+    /// The contact below the start of the path; absent if nothing there can move.
+    contact: Option<ContactFacts>,
+}
+
+/// What one encoder count along the normal commands.
+#[derive(Serialize)]
+struct ContactFacts {
+    /// Mass under the tip m_c, kg.
+    mass_kg: f64,
+    /// The same over the device's apparent mass along the normal.
+    mass_ratio: f64,
+    stiffness_n_per_m: f64,
+    damping_n_s_per_m: f64,
+    newtons_per_count: f64,
+    /// How that follows.
+    because: &'static str,
+}
+
+/// Force of one encoder count above which a run warns, N: twice the friction of the PHANTOM at the tip, which hides what
+/// is smaller.
+const LOUD_COUNT_N: f64 = 0.1;
+
+impl ContactFacts {
+    fn new(scene: &Scene, simulation: &Simulation) -> Option<Self> {
+        let (local, device) = (simulation.local(), simulation.device()?.phantom());
+        let point = local.shape().nearest(scene.path.at(0.0))?;
+        let Impedance { mass_kg, stiffness_n_per_m, damping_n_s_per_m } = Impedance::at(local, &point);
+        let axes = device.settings().axes;
+        let along = |of_axes: Vec3| (axes.rotation * Vec3::z()).abs().dot(&of_axes);
+        let (count_m, h) = (along(device.resolution_m()), scene.tick_s());
+        let elastic = stiffness_n_per_m * count_m;
+        let (newtons_per_count, because) = match scene.contact.scheme {
+            Scheme::Velocity => (mass_kg * count_m / (h * h), "m_c Δ/h²: the contact point follows within a tick"),
+            Scheme::Geometric { .. } => (elastic, "k_c Δ: the springs around the contact point"),
+            Scheme::Massless => match device.settings().sensing {
+                TipSensing::Quantised => (elastic + damping_n_s_per_m * count_m / h, "k_c Δ + c_c Δ/h: springs and dampers"),
+                TipSensing::Observed => (elastic * (h / LONGEST_WINDOW_S).min(1.0), "k_c Δ h/T: the observed tip follows over T = 20 ms"),
+            },
+        };
+        let mass_ratio = mass_kg / along(device.apparent_mass_kg());
+        mass_kg.is_finite().then_some(Self {
+            mass_kg,
+            mass_ratio,
+            stiffness_n_per_m,
+            damping_n_s_per_m,
+            newtons_per_count,
+            because,
+        })
+    }
+
+    fn warning(&self) -> Option<String> {
+        (self.newtons_per_count > LOUD_COUNT_N).then(|| {
+            format!(
+                "one encoder count commands {:.2} N ({}): the loop may buzz while the hand holds still; \
+                 `contact.scheme = \"massless\"` lets the instrument feel no inertia of the contact point",
+                self.newtons_per_count, self.because
+            )
+        })
+    }
 }
 
 #[derive(Serialize)]
@@ -58,11 +120,21 @@ impl DeviceFacts {
             wall_stiffness_n_per_m: stiffness,
             wall_bound_by_damping_n_per_m: bounds.by_damping_n_per_m,
             wall_bound_by_friction_n_per_m: Some(bounds.by_friction_n_per_m).filter(|bound| bound.is_finite()),
+            contact: ContactFacts::new(scene, simulation),
         })
     }
 
-    /// Returns the warning for a wall stiffness beyond both bounds.
-    pub fn warning(&self) -> Option<String> {
+    /// Returns the warnings: of an encoder count that commands too much, and of a wall stiffness beyond both bounds.
+    pub fn warnings(&self) -> impl Iterator<Item = String> {
+        self.count_warning().into_iter().chain(self.wall_warning())
+    }
+
+    /// Returns the warning of an encoder count that commands more than 0.1 N.
+    pub fn count_warning(&self) -> Option<String> {
+        self.contact.as_ref().and_then(ContactFacts::warning)
+    }
+
+    fn wall_warning(&self) -> Option<String> {
         let friction = self.wall_bound_by_friction_n_per_m?;
         let (bound, which) = if friction > self.wall_bound_by_damping_n_per_m {
             (friction, "2f_c/Δ of Abbott and Okamura, by the device's friction")
@@ -102,6 +174,16 @@ impl DeviceFacts {
             }
             None => "  coupling  none: the contact is computed at the measured tip".to_owned(),
         });
+        if let Some(contact) = &self.contact {
+            lines.push(format!(
+                "  contact   m_c = {:.1} g under the tip, {:.2} of the device's apparent mass; an encoder count commands \
+                 {:.3} N, {}",
+                1e3 * contact.mass_kg,
+                contact.mass_ratio,
+                contact.newtons_per_count,
+                contact.because
+            ));
+        }
         let friction = match self.wall_bound_by_friction_n_per_m {
             Some(bound) => format!("{bound:.0} N/m"),
             None => "any stiffness, as nothing is quantised".to_owned(),

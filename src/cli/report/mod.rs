@@ -4,6 +4,7 @@ mod crosscheck;
 mod elasticity;
 mod provenance;
 mod runs;
+mod contact;
 mod surfaces;
 mod verdict;
 mod view;
@@ -18,6 +19,7 @@ use self::crosscheck::CrossCheck;
 use self::provenance::Origin;
 use self::runs::{Reported, RunEntry};
 use self::surfaces::SurfaceEntry;
+use crate::verify::contact_limits::LimitRow;
 use self::verdict::{Verdict, VerdictStatus};
 use super::accuracy::{self, AccuracyFile};
 use super::progress::Progress;
@@ -68,6 +70,8 @@ struct ReportFile<'a> {
     runs: Vec<RunEntry<'a>>,
     /// Contact surfaces and schemes compared; like the following fields, absent if not part of this report.
     surfaces: Option<&'a [SurfaceEntry]>,
+    /// What contact must reach, for three contacts.
+    contact: Option<&'a [LimitRow]>,
     accuracy: Option<&'a AccuracyFile>,
     stability: Option<&'a StabilityFile>,
     /// Springs compared with the elastic solid; absent if scenes are named.
@@ -79,6 +83,7 @@ struct ReportFile<'a> {
 /// Studies that only a whole report has.
 struct Studies {
     surfaces: Vec<SurfaceEntry>,
+    contact: Vec<LimitRow>,
     accuracy: AccuracyFile,
     stability: StabilityFile,
     certificate: Option<serde_json::Value>,
@@ -97,7 +102,7 @@ pub fn report(arguments: &ReportArguments) -> miette::Result<u8> {
     let mut verdicts = runs::verdicts(&reported);
     let mut omitted = match &studies {
         Some(_) => Vec::new(),
-        None => vec!["contact surfaces", "accuracy", "stability", "certificate"],
+        None => vec!["limits of contact", "contact surfaces", "accuracy", "stability", "certificate"],
     };
     match (&elasticity, quick) {
         (None, _) => omitted.push("elasticity"),
@@ -124,6 +129,7 @@ pub fn report(arguments: &ReportArguments) -> miette::Result<u8> {
         verdicts: &verdicts,
         runs: reported.iter().map(Reported::entry).collect(),
         surfaces: studies.map(|studies| studies.surfaces.as_slice()),
+        contact: studies.map(|studies| studies.contact.as_slice()),
         accuracy: studies.map(|studies| &studies.accuracy),
         stability: studies.map(|studies| &studies.stability),
         elasticity: elasticity.as_deref(),
@@ -179,14 +185,15 @@ fn run_all(scenes: &[(Scene, Expectation)], out: &Path) -> miette::Result<Vec<Re
 impl Studies {
     /// Runs the studies one after the other, so that none disturbs the times of another.
     fn make(out: &Path) -> miette::Result<Self> {
+        let contact = contact::limits()?;
         let surfaces = surfaces::compare()?;
         let (accuracy, about_accuracy) = accuracy::brief(&shipped(ACCURACY_SCENE)?)?;
         let (stability, about_stability) = stability::brief(&shipped(LOOP_SCENE)?)?;
-        let mut sections = vec![surfaces::section(&surfaces)?, about_accuracy, about_stability];
+        let mut sections = vec![contact::section(&contact), surfaces::section(&surfaces)?, about_accuracy, about_stability];
         let mut verdicts = vec![accuracy_verdict(&accuracy), stability_verdict(&stability)];
         let (certificate, about_certificate) = certificate(&mut verdicts, &out.join(LOOP_SCENE))?;
         sections.push(about_certificate);
-        Ok(Self { surfaces, accuracy, stability, certificate, sections, verdicts })
+        Ok(Self { surfaces, contact, accuracy, stability, certificate, sections, verdicts })
     }
 }
 

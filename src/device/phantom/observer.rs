@@ -15,7 +15,7 @@ use crate::Vec3;
 
 /// Longest window, s. At rest the velocity of one count at the tip is then below 1.5 mm/s; in slow motion the estimate is
 /// half of this late. 20 ms is a tenth of the time in which a hand changes its aim.
-const LONGEST_WINDOW_S: f64 = 0.02;
+pub const LONGEST_WINDOW_S: f64 = 0.02;
 
 /// Round-off of a difference of readings, relative to a count: 1e4 counts at most, with 1e-16 each, leave 1e-12.
 const ROUND_OFF: f64 = 1e-9;
