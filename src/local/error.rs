@@ -6,6 +6,7 @@ use crate::dynamics::implicit::NotSolved;
 
 /// Reason why a local model cannot be built.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
+#[non_exhaustive]
 pub enum ModelError {
     /// The equations of one tick have no solution, or none that is finite.
     #[error(

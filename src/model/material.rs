@@ -140,6 +140,7 @@ words!(Identification { VanGelder = "van-gelder", Lloyd = "lloyd" });
 
 /// Reason why a mesh cannot be given a material's constants.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
+#[non_exhaustive]
 pub enum MaterialError {
     /// The lattice has only structural springs.
     #[error("a \"structural\" lattice resists no shear, so it has no Young's modulus: use \"shear\" or \"full\"")]

@@ -27,6 +27,7 @@ impl Mesh {
 
 /// Neighbours in a block's lattice that springs join.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Stencil {
     /// Neighbours along lattice edges.
     Structural,

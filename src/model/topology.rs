@@ -6,6 +6,7 @@ use super::mesh::Mesh;
 
 /// Reason why a list of triangles is no valid contact surface.
 #[derive(Debug, Clone, Error, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum SurfaceError {
     /// A triangle names one node twice.
     #[error("surface triangle {triangle} names a node twice: {nodes:?}")]

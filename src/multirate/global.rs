@@ -82,6 +82,7 @@ impl Constraint for Held<'_> {
 
 /// A reason why there is no model for the next cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
+#[non_exhaustive]
 pub enum BuildError {
     /// The local model cannot be built, or the network could not be integrated over the cycle.
     #[error(transparent)]

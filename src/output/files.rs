@@ -31,6 +31,7 @@ pub struct WriteError {
 
 /// Error of a run that writes files.
 #[derive(Debug, Error, Diagnostic)]
+#[non_exhaustive]
 pub enum RunFilesError {
     /// The scene cannot start.
     #[error(transparent)]
@@ -44,6 +45,7 @@ pub enum RunFilesError {
 
 /// A run whose files are written.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct FinishedRun {
     /// Summary of the run, as in `summary.json`.
     pub summary: Summary,
