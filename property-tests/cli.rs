@@ -265,7 +265,8 @@ fn a_scene_with_a_device_tells_of_it() {
         let (saturated, energy) = (&device["saturated_ticks"], &device["largest_energy_to_hand_j"]);
         assert_eq!(saturated.as_u64().expect("a number") > 0, is_hard, "{device}");
         assert_eq!(energy.as_f64().expect("a number") > 1e-2, is_hard, "{device}");
-        let columns = "device_x,device_y,device_z,contact_fx,contact_fy,contact_fz,hand_energy";
+        let columns =
+            "device_x,device_y,device_z,contact_fx,contact_fy,contact_fz,hand_energy,contact_kinetic,contact_exchange";
         assert!(header(&out).lines().next().expect("a header").ends_with(columns));
         let explained = stickslip(&["explain", &scene.display().to_string()]);
         let text = String::from_utf8_lossy(&explained.stdout).into_owned();

@@ -5,6 +5,7 @@ use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 use proptest::prelude::*;
+use stickslip::Vec3;
 use stickslip::contact::law::Mode;
 use stickslip::contact::rules::Scheme;
 use stickslip::contact::shape::{Projection, Shape, Visited};
@@ -20,7 +21,6 @@ use stickslip::surface::geometry::{ContactGeometry, ContactPoint, ContactSurface
 use stickslip::surface::support::{Metric, Support};
 use stickslip::verify::elasticity::disc::{Push, stiffness};
 use stickslip::verify::surfaces;
-use stickslip::Vec3;
 
 use crate::check::{Worst, run, runner, scene, shipped};
 

@@ -117,7 +117,7 @@ impl EnergyBalance {
     /// Returns the energy residual: work − stored − dissipated, J. What the massless scheme moves without work is added
     /// to the work: the held contact point's kinetic energy, and what the mesh received from it.
     pub fn residual(&self) -> f64 {
-        let losses = self.damping_loss + self.friction_loss + self.impact_loss;
-        self.work + self.contact.kinetic + self.contact.exchanged - self.stored - losses
+        let of_tip = self.work - self.stored - self.damping_loss - self.friction_loss - self.impact_loss;
+        of_tip + (self.contact.kinetic + self.contact.exchanged)
     }
 }

@@ -63,8 +63,12 @@ impl ContactFacts {
             Scheme::Velocity => (mass_kg * count_m / (h * h), "m_c Δ/h²: the contact point follows within a tick"),
             Scheme::Geometric { .. } => (elastic, "k_c Δ: the springs around the contact point"),
             Scheme::Massless => match device.settings().sensing {
-                TipSensing::Quantised => (elastic + damping_n_s_per_m * count_m / h, "k_c Δ + c_c Δ/h: springs and dampers"),
-                TipSensing::Observed => (elastic * (h / LONGEST_WINDOW_S).min(1.0), "k_c Δ h/T: the observed tip follows over T = 20 ms"),
+                TipSensing::Quantised => {
+                    (elastic + damping_n_s_per_m * count_m / h, "k_c Δ + c_c Δ/h: springs and dampers")
+                }
+                TipSensing::Observed => {
+                    (elastic * (h / LONGEST_WINDOW_S).min(1.0), "k_c Δ h/T: the observed tip follows over T = 20 ms")
+                }
             },
         };
         let mass_ratio = mass_kg / along(device.apparent_mass_kg());

@@ -1,10 +1,10 @@
 //! `stickslip report`: scenes and studies on one page.
 
+mod contact;
 mod crosscheck;
 mod elasticity;
 mod provenance;
 mod runs;
-mod contact;
 mod surfaces;
 mod verdict;
 mod view;
@@ -19,7 +19,6 @@ use self::crosscheck::CrossCheck;
 use self::provenance::Origin;
 use self::runs::{Reported, RunEntry};
 use self::surfaces::SurfaceEntry;
-use crate::verify::contact_limits::LimitRow;
 use self::verdict::{Verdict, VerdictStatus};
 use super::accuracy::{self, AccuracyFile};
 use super::progress::Progress;
@@ -31,6 +30,7 @@ use crate::output::files::{write_file, write_json};
 use crate::output::frames::FrameRecorder;
 use crate::pipeline::Simulation;
 use crate::scene::{Expectation, SHIPPED, Scene, SceneError};
+use crate::verify::contact_limits::LimitRow;
 use crate::verify::elasticity::ElasticityRow;
 
 #[derive(Debug, Args)]
@@ -189,7 +189,8 @@ impl Studies {
         let surfaces = surfaces::compare()?;
         let (accuracy, about_accuracy) = accuracy::brief(&shipped(ACCURACY_SCENE)?)?;
         let (stability, about_stability) = stability::brief(&shipped(LOOP_SCENE)?)?;
-        let mut sections = vec![contact::section(&contact), surfaces::section(&surfaces)?, about_accuracy, about_stability];
+        let mut sections =
+            vec![contact::section(&contact), surfaces::section(&surfaces)?, about_accuracy, about_stability];
         let mut verdicts = vec![accuracy_verdict(&accuracy), stability_verdict(&stability)];
         let (certificate, about_certificate) = certificate(&mut verdicts, &out.join(LOOP_SCENE))?;
         sections.push(about_certificate);
