@@ -133,12 +133,12 @@ def table(verdict):
     def number(value):
         return "not finite" if value is None else f"{value:.2e}"
 
-    lines = [f"{'quantity':<14}{'q50':>11}{'q99':>11}{'max':>11}"
+    lines = [f"{'quantity':<17}{'q50':>11}{'q99':>11}{'max':>11}"
              f"{'scaled max':>12}{'tolerance':>11}{'beyond':>8}{'first':>7}"]
     for name, entry in verdict["quantities"].items():
         absolute = entry["absolute"]
         first = "" if entry["first_beyond"] is None else entry["first_beyond"]
-        lines.append(f"{name:<14}{number(absolute['q50']):>11}{number(absolute['q99']):>11}{number(absolute['max']):>11}"
+        lines.append(f"{name:<17}{number(absolute['q50']):>11}{number(absolute['q99']):>11}{number(absolute['max']):>11}"
                      f"{number(entry['scaled']['max']):>12}{entry['tolerance']:>11.0e}{entry['beyond']:>8}{first:>7}")
     rows = verdict["rows"]
     lines.append(f"rows: {rows['reference']} in the reference, {rows['trace']} in the trace")

@@ -63,7 +63,8 @@ def held(tick):
 LINEAR = [{"integrator": name} for name in ("implicit-euler", "implicit-midpoint", "exponential")]
 
 
-@pytest.mark.parametrize("local", [None, {}, {"exterior": "condensed"}, {"linearization": "none"}, *LINEAR], ids=str)
+@pytest.mark.parametrize("local", [None, {}, {"exterior": "drifting"}, {"exterior": "condensed"}, {"linearization": "none"},
+                                   *LINEAR], ids=str)
 @pytest.mark.parametrize("law", LAWS)
 def test_the_mesh_follows_the_tip_and_the_force_is_that_of_the_springs(within, law, local):
     """The multiplier by least squares in the norm of M^-1, of forces that are computed again at the tick's end."""
