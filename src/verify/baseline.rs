@@ -125,6 +125,7 @@ macro_rules! in_program {
 in_program! {
     "fig3-sliding",
     "fig4-sticking",
+    "fig4-sticking-unilateral",
     "fig5-stick-slip",
     "deep-sliding",
     "deep-sticking",
