@@ -273,8 +273,10 @@ impl LocalSimulation {
         match motion {
             Motion::Sticks => rules.law.contact_force(reaction, n, interface),
             Motion::Slides => Law::Sliding.contact_force(reaction, n, interface),
-            Motion::Slips { direction, stopping, friction } => {
-                let at_end = self.friction(*normal_force, direction, stopping, n).unwrap_or(friction);
+            // The instrument feels no more friction than what stops the slip: in a contact that has just been taken hold of
+            // its direction may be round-off.
+            Motion::Slips { direction, stopping, .. } => {
+                let at_end = self.friction(*normal_force, direction, stopping, n).unwrap_or(stopping);
                 (Mode::Slip, n * *normal_force - direction * at_end)
             }
         }
