@@ -33,6 +33,9 @@ const LARGEST_PIECES: f64 = 64.0;
 /// Largest number of halvings of a piece with the tip outside at both ends, in search of a moment inside. The search
 /// can miss only a contact much shorter than a tick.
 const LOOKS: u32 = 12;
+/// Depth of the tip, m, from which it has passed inwards: above the round-off of a distance between positions of 0.1 m. A
+/// tip that ends a tick on the surface passes it in the next one, whichever way the last bit falls.
+const PASSED_M: f64 = 1e-15;
 /// Width in τ to which a passage is located.
 const TIME_TOLERANCE: f64 = 1e-15;
 
@@ -429,7 +432,7 @@ impl MovingSurface<'_> {
     /// Returns a moment outside and a later one inside, between a moment outside and another. It halves every interval
     /// in which the distance, which changes by no more than `speed`, can reach zero, and takes the first pair found.
     fn passage(&mut self, from: Moment, to: Moment, speed: f64, looks: &mut u32) -> Option<(Moment, Moment)> {
-        if to.1 < 0.0 {
+        if to.1 < -PASSED_M {
             return Some((from, to));
         }
         if *looks == 0 || !(from.1 + to.1 <= speed * (to.0 - from.0)) {
