@@ -108,21 +108,12 @@ fn main() {
             "tick in contact, sliding, subdivision, velocity",
             Box::new(ticking(local(with_subdivision_and_velocity), PRESSED)),
         ),
-        (
-            "tick in contact, stick-slip, disc of 10 mm",
-            Box::new(ticking(local(|s| s.contact_radius = 0.01), PRESSED)),
-        ),
+        ("tick in contact, stick-slip, disc of 10 mm", Box::new(ticking(local(|s| s.contact_radius = 0.01), PRESSED))),
         (
             "the same, subdivision",
-            Box::new(ticking(
-                local(|s| (s.contact_radius, s.surface) = (0.01, ContactSurface::Subdivision)),
-                PRESSED,
-            )),
+            Box::new(ticking(local(|s| (s.contact_radius, s.surface) = (0.01, ContactSurface::Subdivision)), PRESSED)),
         ),
-        (
-            "tick free, 0.5 mm above, disc of 10 mm",
-            Box::new(ticking(local(|s| s.contact_radius = 0.01), HOVERING)),
-        ),
+        ("tick free, 0.5 mm above, disc of 10 mm", Box::new(ticking(local(|s| s.contact_radius = 0.01), HOVERING))),
         (
             "tick free, 0.5 mm above, subdivision",
             Box::new(ticking(local(|s| s.surface = ContactSurface::Subdivision), HOVERING)),

@@ -123,6 +123,23 @@ fn a_hundred_thousand_ticks_allocate_nothing() {
     }
 }
 
+/// A disc on a block that can turn, for which rotations are computed.
+#[test]
+fn a_turning_block_allocates_nothing() {
+    let text = include_str!("../fixtures/crosscheck/disc-turning.toml");
+    let scene = Scene::parse(text, "allocation.toml".as_ref()).expect("a scene");
+    let mut servo = Simulation::prepare(&scene).expect("it starts outside").into_sides().servo;
+    let mut touching = 0;
+    let count = allocations(|| {
+        for _ in 0..150 {
+            let done = servo.tick(DeadlineOutcome::OnTime).expect("no fault");
+            touching += u32::from(done.report.touch.is_some());
+        }
+    });
+    assert!(touching > 50, "{touching} ticks in contact");
+    assert_eq!(count, 0);
+}
+
 /// The counter does count, so that a count of zero has a meaning.
 #[test]
 fn the_counter_counts() {
