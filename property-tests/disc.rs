@@ -280,6 +280,82 @@ fn at_rest_the_surface_itself_is_felt() {
     }
 }
 
+/// Interpolated normals are carried along by the deformation, and agree on both sides of every edge, a block's own too.
+#[test]
+fn shaded_normals_do_not_jump() {
+    let normal = Worst::new("continuity", "disc, shaded: normals on the two sides of an edge of a dented block", 1e-12);
+    let body = Body::new(ContactSurface::Shaded, RADII[0], false, dented);
+    let topology = &body.surface.topology;
+    for triangle in 0..body.triangles() {
+        for k in 0..3 {
+            let neighbor = topology.neighbors[triangle as usize][k].expect("a closed surface");
+            let mut weights = [0.3; 3];
+            (weights[k], weights[(k + 1) % 3]) = (0.0, 0.7);
+            let own = topology.triangles[triangle as usize];
+            let across = topology.triangles[neighbor as usize]
+                .map(|vertex| own.iter().position(|&v| v == vertex).map_or(0.0, |k| weights[k]));
+            let [here, there] = [(triangle, weights), (neighbor, across)].map(|(triangle, weights)| {
+                body.shape().touch(Metric::Mass, &ContactPoint { triangle, weights }, &mut Support::default()).normal
+            });
+            normal.check((here - there).norm());
+        }
+    }
+}
+
+/// Two blocks a millimetre apart: a disc on one does not reach the other.
+#[test]
+fn only_what_is_connected_is_pressed() {
+    let mut mesh = block();
+    let count = mesh.nodes.len() as u32;
+    let height = 3.0 * SPACING + 0.001;
+    mesh.nodes.extend(mesh.nodes.clone().iter().map(|x| x + Vec3::z() * height));
+    mesh.triangles.extend(mesh.triangles.clone().iter().map(|triangle| triangle.map(|node| node + count)));
+    let surface = Arc::new(Surface::new(&mesh).expect("a surface"));
+    let surface = SurfaceModel::faceted(surface).spread(RADII[0], &mesh.nodes, &[]).expect("it fits");
+    for triangle in 0..surface.topology.triangles.len() as u32 {
+        let is_lower = surface.topology.triangle_nodes(triangle)[0] < count;
+        let point = ContactPoint { triangle, weights: [0.2, 0.3, 0.5] };
+        let sum: f64 = surface.node_weights(&point).map(|(_, weight)| weight).sum();
+        assert!((sum - 1.0).abs() < 1e-14);
+        assert!(
+            surface.node_weights(&point).all(|(node, weight)| weight == 0.0 || (node < count as usize) == is_lower)
+        );
+    }
+}
+
+/// The other side of a thin plate is within the radius, but only a disc that reaches around the rim presses on it.
+#[test]
+fn the_other_side_of_a_plate_is_not_pressed() {
+    let mesh = Block { nodes: [8, 8, 2], spacing: 0.005, stencil: Stencil::Shear }.mesh();
+    let (half_width, radius) = (0.0175, 0.008);
+    let surface = Arc::new(Surface::new(&mesh).expect("a surface"));
+    let surface = SurfaceModel::faceted(surface).spread(radius, &mesh.nodes, &[]).expect("it fits");
+    let (mut inner, mut around) = (0, 0);
+    for triangle in 0..surface.topology.triangles.len() as u32 {
+        let corners = surface.topology.triangle_nodes(triangle).map(|node| mesh.nodes[node as usize]);
+        if corners.iter().any(|x| x.z < -1e-9) {
+            continue;
+        }
+        for weights in [[0.2, 0.3, 0.5], [0.9, 0.06, 0.04], [0.02, 0.9, 0.08]] {
+            let point = ContactPoint { triangle, weights };
+            let at = point.position(corners);
+            let is_inner = at.x.abs().max(at.y.abs()) < half_width - radius;
+            let below: f64 = surface
+                .node_weights(&point)
+                .filter(|&(node, _)| mesh.nodes[node].z < -1e-9)
+                .map(|(_, weight)| weight)
+                .sum();
+            if is_inner {
+                inner += 1;
+                assert_eq!(below, 0.0, "{at}");
+            } else {
+                around += u32::from(below > 0.1);
+            }
+        }
+    }
+    assert!(inner > 20 && around > 20, "{inner} {around}");
+}
+
 /// The nearest point of a dented body: not farther than any sample of it.
 #[test]
 fn the_nearest_point_is_nearest() {
