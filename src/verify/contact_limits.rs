@@ -80,29 +80,35 @@ impl Measured {
     }
 }
 
-/// Measures every quantity for every contact. `progress` is called with the name of each study that begins.
+/// Every quantity of one contact, in the order of the table.
+pub struct Column(Vec<Measured>);
+
+/// Measures every quantity for one of [`CONTACTS`], by its index.
 ///
 /// # Errors
 /// If a scene cannot start. A fault makes a value absent.
-pub fn measure(length: Length, mut progress: impl FnMut(&str)) -> Result<Vec<LimitRow>, RunError> {
-    let mut rows: Vec<LimitRow> = Vec::new();
-    for (name, surface, scheme) in CONTACTS {
-        progress(name);
-        let mut measured = Vec::new();
-        for drag in ["fig3-sliding", "fig5-stick-slip"] {
-            measured.extend(over_rates(drag, surface, scheme, length)?);
-        }
-        measured.extend(held_still(surface, scheme, length)?);
-        measured.extend(creep(surface, scheme, length)?);
-        measured.extend(spring_slider(scheme));
-        if rows.is_empty() {
-            rows = measured.iter().map(LimitRow::from).collect();
-        }
+pub fn measure(contact: usize, length: Length) -> Result<Column, RunError> {
+    let (_, surface, scheme) = CONTACTS[contact];
+    let mut measured = Vec::new();
+    for drag in ["fig3-sliding", "fig5-stick-slip"] {
+        measured.extend(over_rates(drag, surface, scheme, length)?);
+    }
+    measured.extend(held_still(surface, scheme, length)?);
+    measured.extend(creep(surface, scheme, length)?);
+    measured.extend(spring_slider(scheme));
+    Ok(Column(measured))
+}
+
+/// Puts the columns of all [`CONTACTS`] beside one another.
+pub fn table(columns: &[Column]) -> Vec<LimitRow> {
+    let mut rows: Vec<LimitRow> =
+        columns.first().map_or_else(Vec::new, |first| first.0.iter().map(LimitRow::from).collect());
+    for Column(measured) in columns {
         for (row, Measured { value, .. }) in rows.iter_mut().zip(measured) {
-            row.values.push(value.is_finite().then_some(value));
+            row.values.push(value.is_finite().then_some(*value));
         }
     }
-    Ok(rows)
+    rows
 }
 
 impl From<&Measured> for LimitRow {
@@ -294,7 +300,7 @@ pub fn by_hand(
 const FIRM: Law = Law::StickSlip { friction: Friction::single(0.5) };
 /// Way of the hand's aim to the side, m: the contact then bears 0.3 N beside 0.7 N along the normal.
 const ASIDE_M: f64 = 0.0036;
-/// The same where it bears nine tenths of what friction can, 0.35 N.
+/// The same where it bears a good nine tenths of what friction can: 0.33 of 0.35 N.
 const ASIDE_TO_CREEP_M: f64 = 0.0054;
 /// Time after which a hand's motion has decayed, s.
 const SETTLED_S: f64 = 2.0;

@@ -18,7 +18,8 @@ use crate::surface::geometry::{ContactPoint, ContactSurface, SurfaceModel};
 ///
 /// // On a mesh of four cells a disc of 2 cm is felt 7 % too stiff, and a point has no stiffness to be compared with.
 /// let disc = stiffness(Push::Normal, ContactSurface::Faceted, 0.02, 4)?;
-/// assert!((disc / Push::Normal.expected(0.02) - 1.0).abs() < 0.2);
+/// let ratio = disc / Push::Normal.expected(0.02);
+/// assert!((ratio - 1.0).abs() < 0.2, "{ratio}");
 /// # Ok::<(), stickslip::verify::elasticity::ElasticityError>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
