@@ -42,7 +42,7 @@ struct Body {
 }
 
 impl Body {
-    /// Moves every node of a block; whether the surface at rest turns with it depends on `fixed` nodes being given.
+    /// Moves every node of a block, which its surface takes to be fixed unless it `can_turn`.
     fn new(kind: ContactSurface, radius: f64, can_turn: bool, moved: impl Fn(Vec3) -> Vec3) -> Self {
         let mesh = block();
         let count = mesh.nodes.len();

@@ -396,7 +396,7 @@ impl MovingSurface<'_> {
     /// Returns when and where the tip passes from the outer to the inner side. A tip that is inside at the start passes
     /// through nothing.
     pub fn first_collision(&mut self, tested: &mut u64) -> Option<Collision> {
-        // The surface over a triangle lies in the convex hull of its support.
+        // The surface over a triangle lies in the convex hull of its support, or over its overhang, which the boxes include.
         let tip = Aabb::around([self.q0, self.q1]).grown(START_TOLERANCE);
         let reachable = tip.grown(self.start.reach().max(self.end.reach()));
         let mut near = 0;
