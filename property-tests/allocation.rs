@@ -137,7 +137,7 @@ fn a_hundred_thousand_ticks_allocate_nothing() {
 /// A disc on a block that can turn, for which rotations are computed.
 #[test]
 fn a_turning_block_allocates_nothing() {
-    let text = include_str!("../fixtures/crosscheck/disc-turning.toml");
+    let text = include_str!("turning-disc.toml");
     let scene = Scene::parse(text, "allocation.toml".as_ref()).expect("a scene");
     let mut servo = Simulation::prepare(&scene).expect("it starts outside").into_sides().servo;
     let mut touching = 0;
