@@ -197,7 +197,7 @@ class GlobalNetwork:
         if weights.sum() < RIGID_BELOW:
             return None
         contact = self.scene["contact"]
-        mass = self.network.mass[nodes] if contact.metric == "mass" or contact.scheme == "massless" else None
+        mass = self.network.mass[nodes] if contact.metric == "mass" else None
         P = operators.literal(len(nodes), np.arange(len(nodes)), weights, np.array([0.0, 0.0, 1.0]), mass).P
 
         def project(v):

@@ -38,7 +38,7 @@ class Phantom:
     def __init__(self, scene):
         options = scene["instrument"]
         self.device, self.h = options.device, scene.h
-        self.plant = Plant(options.device, options.hand, scene.waypoints)
+        self.plant = Plant(options.device, options.hand, scene.waypoints, options.interpolation)
         try:
             self.y = self.plant.at_rest()
         except WorkspaceError as error:

@@ -14,6 +14,7 @@ POLISHING = 2  # Newton steps after that, which take it to round-off
 STEPS = 200
 SAMPLES = 4  # intervals per edge of the points that searches start from
 ON_SURFACE = 1e-12  # m: a tip that is no further inside is on the surface to round-off
+INSIDE = 1e-15  # m: round-off of positions of centimetres; a tip that ends a tick on the surface has not passed it
 FINEST = 1.0 / 64.0  # of a tick: a tip that goes in and out again within it may be missed
 BESIDE = 1e-6  # weights below this are looked at on the other side of their edge
 
@@ -182,7 +183,7 @@ class LimitSurface(Surface):
         return (np.copysign(np.sqrt(found.squared), height) if found.off else height), found.point
 
     def collide(self, q0, q1, x0, x1):
-        """The earliest time at which the tip's signed distance turns negative while tip and nodes move linearly.
+        """The earliest time at which the tip passes inwards while tip and nodes move linearly.
 
         Returns (tau, Point), or None. The distance changes no faster than the tip and the fastest node together.
         """
@@ -200,14 +201,14 @@ class LimitSurface(Surface):
         intervals = [(0.0, start, 1.0, distance(1.0)[0])]
         while intervals:
             left, before, right, after = intervals.pop()
-            if (before > 0.0) == (after > 0.0) and abs(before) + abs(after) > speed * (right - left):
+            if (before < -INSIDE) == (after < -INSIDE) and abs(before) + abs(after) > speed * (right - left):
                 continue
             if right - left > FINEST:
                 middle = 0.5 * (left + right)
                 between = distance(middle)[0]
                 intervals += [(middle, between, right, after), (left, before, middle, between)]
-            elif before > 0.0 >= after:
-                tau = right if after == 0.0 else brentq(lambda at: distance(at)[0], left, right, xtol=1e-15, rtol=1e-15)
+            elif before >= -INSIDE > after:
+                tau = left if before <= 0.0 else brentq(lambda at: distance(at)[0], left, right, xtol=1e-15, rtol=1e-15)
                 value, point = distance(tau)
                 if abs(value) <= ON_SURFACE:  # else the nearest point went round an open border
                     return tau, point

@@ -19,7 +19,7 @@ class Hold:
 
     everything: bool
     impulse: np.ndarray  # on the mesh, N s
-    friction_share: float = 1.0  # of the kinetic friction, where less of it stops the slip
+    stops: float = np.inf  # the friction that would stop the slip, N: more is not felt
 
 
 def advance(model, surface, options, state, q0, q1, h, elapsed):
@@ -62,7 +62,9 @@ def advance(model, surface, options, state, q0, q1, h, elapsed):
     if mode == "tension":
         after.contact = Contact(point, tension=True)
         return after, replace(FREE, exchanged=(*exchanged, kinetic(after.v)))
-    after.contact = Contact(point, mode, normal_force=multiplier @ normal, u=u, kinetic=kinetic(after.v))
+    # A contact of the sticking law that slides is located like one that slips: nearest to where the tip was.
+    kept = "slip" if options.law == "sticking" and mode == "slide" else mode
+    after.contact = Contact(point, kept, normal_force=multiplier @ normal, u=u, kinetic=kinetic(after.v))
     return after, Result(mode, force, point, normal, state.x, contact_kinetic=after.contact.kinetic, exchanged=exchanged)
 
 
@@ -79,7 +81,7 @@ def choose(options, contact, G, r, u, normal, h):
     # A contact after rigid ones has no force and no slip to remember either.
     taken_again = contact is not None and (contact.tension or (contact.mode != "stick" and contact.u is None))
     if options.law == "sticking":
-        slides = contact is not None and (taken_again or (contact.mode == "slide" and not u @ contact.u <= 0.0))
+        slides = contact is not None and (taken_again or (contact.mode == "slip" and not u @ contact.u <= 0.0))
         return sliding if slides else everything
     if contact is None or (contact.mode == "stick" and not contact.tension):
         return everything
@@ -88,15 +90,14 @@ def choose(options, contact, G, r, u, normal, h):
     needed = np.linalg.norm(stops)
     friction = h * options.friction.kinetic * ((0.0 if taken_again else contact.normal_force) + options.adhesion)
     speed = np.linalg.norm(u)
-    share = 1.0
     if needed <= friction:
         if not taken_again:
             return everything
-        tangential, share = stops, needed / friction if friction > 0.0 else 0.0
+        tangential = stops
     else:
         tangential = friction * u / speed if speed > 0.0 else np.zeros(3)
     along = normal * (normal @ (r - G @ tangential)) / (normal @ G @ normal)
-    return Hold(False, along + tangential, share)
+    return Hold(False, along + tangential, needed / h)
 
 
 def felt(options, hold, multiplier, u, normal):
@@ -110,7 +111,7 @@ def felt(options, hold, multiplier, u, normal):
     if not hold.everything:
         speed = np.linalg.norm(u)
         against = -u / speed if speed > 0.0 else np.zeros(3)
-        return "slip", normal_force * normal + hold.friction_share * options.friction.kinetic * bearing * against
+        return "slip", normal_force * normal + np.minimum(options.friction.kinetic * bearing, hold.stops) * against
     size = np.linalg.norm(tangential)
     if size <= options.friction.static * bearing:
         return "stick", multiplier

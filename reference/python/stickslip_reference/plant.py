@@ -8,6 +8,7 @@ interface, IEEE Trans. Syst. Man Cybern. B 42 (2012)).
 import numpy as np
 
 from . import phantom
+from .scene import minimum_jerk
 
 # Where the parts of the state (16,) are: rad, rad/s, A, m, m/s, and the energy delivered to the hand, J.
 THETA, RATE, CURRENT, HAND, HAND_VELOCITY = (slice(first, first + 3) for first in range(0, 15, 3))
@@ -17,8 +18,8 @@ ENERGY = 15
 class Plant:
     """What does not change: the device, the hand, and the target of the hand in device axes."""
 
-    def __init__(self, device, hand, waypoints):
-        self.device, self.hand = device, hand
+    def __init__(self, device, hand, waypoints, interpolation="linear"):
+        self.device, self.hand, self.interpolation = device, hand, interpolation
         self.times, self.places = waypoints[:, 0], phantom.to_device(device, waypoints[:, 1:])
 
     def at_rest(self):
@@ -28,16 +29,22 @@ class Plant:
         state[HAND] = phantom.forward(state[THETA])
         return state
 
+    def warped(self, t):
+        """The time at which linear interpolation is where the target is at t, and its rate."""
+        return minimum_jerk(t, self.times) if self.interpolation == "minimum-jerk" else (t, 1.0)
+
     def target(self, t):
         """Where the hand aims at time t, m."""
+        t, _ = self.warped(t)
         return np.array([np.interp(t, self.times, axis) for axis in self.places.T])
 
     def target_velocity(self, t):
-        """Slope of the path in the piece around t, m/s; zero before the first waypoint and after the last."""
+        """Slope of the path at t, in the piece around it, m/s; zero before the first waypoint and after the last."""
         piece = np.searchsorted(self.times, t, side="right") - 1
         if not 0 <= piece < len(self.times) - 1:
             return np.zeros(3)
-        return (self.places[piece + 1] - self.places[piece]) / (self.times[piece + 1] - self.times[piece])
+        _, rate = self.warped(t)
+        return rate * (self.places[piece + 1] - self.places[piece]) / (self.times[piece + 1] - self.times[piece])
 
     def slope(self, state, command, target, target_velocity):
         """d state / dt (16,) under the currents commanded."""

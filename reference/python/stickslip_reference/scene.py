@@ -153,7 +153,7 @@ class Scene:
         times, places = self.waypoints[:, 0], self.waypoints[:, 1:]
         t = tick * self.h
         if self["instrument"].interpolation == "minimum-jerk":
-            t = minimum_jerk(t, times)
+            t, _ = minimum_jerk(t, times)
         return np.array([np.interp(t, times, place) for place in places.T])
 
 
@@ -187,16 +187,16 @@ def whole(value, message):
 
 
 def minimum_jerk(t, times):
-    """The time at which linear interpolation is where minimum jerk is at t: s = 10 tau^3 - 15 tau^4 + 6 tau^5 of the way.
+    """The time at which linear interpolation is where minimum jerk is at t, and its rate: s = 10 tau^3 - 15 tau^4 + 6 tau^5 of the way.
 
     T. Flash, N. Hogan, The coordination of arm movements, J. Neurosci. 5 (1985). No velocity or acceleration at waypoints.
     """
     if not times[0] <= t < times[-1]:
-        return t
+        return t, 1.0
     piece = int(np.searchsorted(times, t, side="right")) - 1
     start, end = times[piece], times[piece + 1]
     tau = (t - start) / (end - start)
-    return start + tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2) * (end - start)
+    return start + tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2) * (end - start), 30.0 * tau**2 * (1.0 - tau) ** 2
 
 
 def check_contact(contact):
@@ -245,8 +245,6 @@ def check_instrument(instrument):
         return
     if instrument.file is not OPTIONAL:
         raise SceneError("instrument.file goes with kind = \"recording\"")
-    if instrument.interpolation != "linear":
-        raise SceneError("instrument.interpolation goes with kind = \"path\" or \"recording\"")
     for part in PHANTOM:
         if part != "coupling" or instrument.coupling is not OPTIONAL:  # without the table there is no coupling
             instrument[part] = read_part(part, {} if instrument[part] is OPTIONAL else instrument[part])

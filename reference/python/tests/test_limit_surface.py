@@ -183,6 +183,19 @@ def test_a_tip_on_the_surface_collides_at_once_when_it_goes_in():
     assert surface.collide(tip, tip + down, x, x) is None
 
 
+@pytest.mark.parametrize("left", [-5e-16, 0.0, 5e-16])
+def test_a_tick_that_ends_on_the_surface_to_round_off_has_not_passed_it(left):
+    """The next one has, from its start on: no sign of a zero decides which."""
+    x, triangles = lattice(9, 9)
+    surface = LimitSurface(triangles)
+    on, down = np.array([6.1, 3.4, left]), np.array([0.0, 0.0, 0.1])
+    assert surface.collide(on + down, on, x, x) is None
+    tau, _ = surface.collide(on, on - down, x, x)
+    assert 0.0 <= tau <= 1e-14
+    tau, _ = surface.collide(on + down, on - down, x, x)  # also where a half of a tick ends there
+    assert abs(tau - 0.5) <= 1e-14
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_collision_against_brute_force(within, seed):
     """Random motions of block and tip, against the sign at finely sampled times."""

@@ -29,6 +29,11 @@ REST_TOLERANCE = 1e-9
 COUNT_TOLERANCE = 1e-11  # a count, of one; there are thousands. Measured: 4.5e-13.
 FORCE_TOLERANCE = 1e-13  # N, of 1 N, through J^T and back. Measured: 9.4e-16.
 
+# The speed of a target of 0.5 m/s at most. Measured: see below.
+TARGET_TOLERANCE = 1e-14
+# The same against central differences over 20 us: third derivative h^2 / 6.
+DIFFERENCE_TOLERANCE = 1e-8
+
 LOSSLESS = {"joint_friction": [0.0] * 3, "joint_damping": 0.0}
 BENT = np.array([0.3, 0.2, 0.5])  # a posture in general position
 
@@ -301,6 +306,17 @@ def test_the_target_has_the_slope_of_its_piece():
                                (0.3, [1, 2, 3.5], [0, 0, 5]), (0.5, [1, 2, 4], [0, 0, 0])):
         assert np.allclose(plant.target(t), place, rtol=1e-14)
         assert np.allclose(plant.target_velocity(t), velocity, rtol=1e-14)
+
+
+def test_a_target_of_minimum_jerk_has_the_slope_of_its_own_curve(within):
+    """In the middle of a piece 15/8 of its mean speed; at waypoints, and outside the path, none."""
+    plant = Plant(*parts(), np.array([[1.0, 0.0, 0.0, 0.0], [2.0, 0.1, 0.0, 0.0], [2.5, 0.1, 0.2, 0.0]]), "minimum-jerk")
+    axes = phantom.to_device(plant.device, np.eye(3)) - phantom.to_device(plant.device, np.zeros(3))
+    for t, velocity in ((0.5, 0.0), (1.0, 0.0), (1.5, 0.1 * 15 / 8 * axes[0]), (2.0, 0.0), (2.25, 0.4 * 15 / 8 * axes[1]), (3.0, 0.0)):
+        within("velocity of the target, m/s", np.abs(plant.target_velocity(t) - velocity).max(), TARGET_TOLERANCE)
+    for t in (1.1, 1.7, 2.2):
+        slope = (plant.target(t + 1e-5) - plant.target(t - 1e-5)) / 2e-5
+        within("velocity against differences, m/s", np.abs(plant.target_velocity(t) - slope).max(), DIFFERENCE_TOLERANCE)
 
 
 def test_a_substep_belongs_to_the_piece_of_its_middle(monkeypatch):

@@ -89,7 +89,6 @@ def test_a_recording_is_the_path_it_holds(tmp_path):
     ('law = "sliding"', 'law = "sliding"\nadhesion = inf'),
     ('law = "sliding"', 'law = "stick-slip"\nfriction = 0.5\nadhesion = inf'),
     ("[instrument]", '[instrument]\ninterpolation = "cubic"'),
-    ("[instrument]", '[instrument]\nkind = "phantom-1.5"\ninterpolation = "minimum-jerk"'),
     ('law = "sliding"', 'law = "sliding"\nsurface = "smooth"'),
     ('law = "sliding"', 'law = "sliding"\nscheme = "velocity"\ndeformation = "rigid"'),
     ('law = "sliding"', 'law = "sliding"\nscheme = "velocity"\nmetric = "euclidean"'),
