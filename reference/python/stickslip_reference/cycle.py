@@ -93,7 +93,8 @@ def run(scene, network):
             result.fault = str(error)
             break
         q1, before = instrument.tip, state
-        state, report = step(model, surface, scene["contact"], state, q0, q1, scene.h, (tick - model.tick) * scene.h)
+        state, report = step(model, surface, scene["contact"], state, q0, q1, scene.h, (tick - model.tick) * scene.h,
+                             **({"tip_velocity": instrument.velocity} if result.massless else {}))
         result.fault = fault_in(network, state, report.force)
         if result.fault:
             break

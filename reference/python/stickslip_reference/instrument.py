@@ -1,12 +1,13 @@
 """What moves the tip that the contact sees, and where the contact's force goes.
 
-An instrument has a `tip`; `move(tick)` brings it to the tick's end, `command(force)` takes the force of that tick and
-returns what was commanded.
+An instrument has a `tip`, and a `velocity` of it if it estimates one; `move(tick)` brings it to the tick's end,
+`command(force)` takes the force of that tick and returns what was commanded.
 """
 
 import numpy as np
 
 from . import phantom
+from .observer import Observer
 from .phantom import WorkspaceError
 from .plant import ENERGY, THETA, Plant
 from .scene import SceneError
@@ -18,6 +19,8 @@ def build(scene):
 
 class Path:
     """A tip that is where the scene says, whatever the force."""
+
+    velocity = None
 
     def __init__(self, scene):
         self.scene, self.tip = scene, scene.tip(0)
@@ -45,12 +48,23 @@ class Phantom:
             raise SceneError(f"instrument.waypoints: the device cannot start at the first: {error}") from None
         self.currents = np.zeros(3)
         self.sense()
+        observed = options.device.tip == "observed"
+        self.observer = Observer(self.posture, phantom.count(options.device), self.h) if observed else None
         self.coupling = Coupling(options.coupling, self.measured, self.h) if options.coupling else None
         self.passivity = PassivityControl() if options.passivity_control else None
 
     @property
     def tip(self):
+        if self.observer:
+            return phantom.to_scene(self.device, phantom.forward(self.observer.angle))
         return self.coupling.x if self.coupling else self.measured
+
+    @property
+    def velocity(self):
+        """Of the tip in scene axes, m/s, as the encoders tell it; None where only the way of the tip does."""
+        if self.observer is None:
+            return None
+        return phantom.jacobian(self.observer.angle) @ self.observer.rate @ self.device.rotation
 
     def sense(self):
         """Posture and tip as the encoders tell them, the tip in scene axes."""
@@ -64,6 +78,8 @@ class Phantom:
         phantom.check(self.y[THETA])
         self.sense()
         self.moved = self.measured - before
+        if self.observer:
+            self.observer.move(self.posture)
         if self.coupling:
             self.coupling.move(self.measured, self.moved / self.h)
 

@@ -22,8 +22,9 @@ class Hold:
     stops: float = np.inf  # the friction that would stop the slip, N: more is not felt
 
 
-def advance(model, surface, options, state, q0, q1, h, elapsed):
-    """One tick, as `velocity.advance`; `Result` has the kinetic energy of what is held, and what of it changed hands."""
+def advance(model, surface, options, state, q0, q1, h, elapsed, tip_velocity=None):
+    """One tick, as `velocity.advance`. The velocity of the tip at the tick's end is given by an instrument that estimates
+    one; otherwise it is that of the way which the contact point is taken. `Result` has the kinetic energy of what is held, and what of it changed hands."""
     step = linear_step(model, h)
     predicted = predict(model, step, state, h, elapsed)
     before = state.contact.kinetic if state.contact else 0.0
@@ -47,9 +48,14 @@ def advance(model, surface, options, state, q0, q1, h, elapsed):
     place = q1 - surface.position(point, state.x) + weights @ state.x[nodes]
     after = response.moved(predicted, hold.impulse, place, None if hold.everything else normal)
 
-    # What the forces at the tick's end put on the contact point.
     inverse_mass = model.network.inverse_mass[nodes]
     size = weights**2 @ inverse_mass
+    if tip_velocity is not None:
+        change = tip_velocity - weights @ after.v[nodes]
+        change = change if hold.everything else (change @ normal) * normal
+        after.v[nodes] += np.outer(weights * inverse_mass, change) / size
+
+    # What the forces at the tick's end put on the contact point.
     forces = model.forces(after.x, after.v, elapsed + h)[np.searchsorted(model.patch, nodes)]
     multiplier = (weights * inverse_mass) @ forces / size
 

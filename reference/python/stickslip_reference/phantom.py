@@ -134,8 +134,16 @@ def measured(device, theta):
     """The posture that the encoders on the motors tell."""
     if device.encoder_counts == 0:
         return theta
-    per_radian = device.capstan_ratio * device.encoder_counts / (2.0 * np.pi)
-    return nearest_whole(theta * per_radian) / per_radian
+    return nearest_whole(theta * counts_per_radian(device)) / counts_per_radian(device)
+
+
+def counts_per_radian(device):
+    return device.capstan_ratio * device.encoder_counts / (2.0 * np.pi)
+
+
+def count(device):
+    """One count of the encoders at the joints (3,), rad; zero where angles are not quantised."""
+    return 1.0 / counts_per_radian(device) if device.encoder_counts else np.zeros(3)
 
 
 def applied(device, theta, currents):

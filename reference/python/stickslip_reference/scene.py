@@ -61,6 +61,7 @@ PHANTOM = {
     },
     "coupling": {"stiffness": (500.0, POSITIVE), "damping": (2.0, NOT_NEGATIVE), "mass": (0.05, POSITIVE)},
 }
+TIPS = ("quantised", "observed")  # instrument.device.tip
 ORTHOGONAL = 1e-9  # what R^T R may differ from the identity by
 
 # What this reference implements; anything else is refused rather than approximated.
@@ -133,15 +134,13 @@ class Scene:
                 or scheme == "geometric"):
             raise SceneError(f"local.integrator = {self['local'].integrator!r} needs the tangent and the velocity or massless "
                              "scheme")
-        if scheme == "massless" and self["instrument"].kind == "phantom-1.5":
-            raise SceneError("the reference has no estimate of the tip's velocity from encoders, which the massless scheme takes")
         material = self["material"]
         if (material.damping is None) == (material.damping_ratio is None):
             raise SceneError("[material] needs either damping or damping_ratio")
         self.settle = table.get("settle", False)
         if type(self.settle) is not bool or (self.settle and not any(material.gravity)):
             raise SceneError("settle must be true or false, and true only with material.gravity")
-        check_instrument(self["instrument"])
+        check_instrument(self["instrument"], "observed" if scheme == "massless" else "quantised")
         self.folder = Path(folder)
         self.waypoints = read_waypoints(self["instrument"], self.folder)
 
@@ -232,7 +231,7 @@ def is_number(value):
     return type(value) in (int, float)
 
 
-def check_instrument(instrument):
+def check_instrument(instrument, default_tip):
     """Checks the keys of [instrument] but the path; makes the tables of a modelled device Sections."""
     ticks = instrument.smoothing_ticks
     if type(ticks) is not int or ticks < 0:
@@ -245,9 +244,18 @@ def check_instrument(instrument):
         return
     if instrument.file is not OPTIONAL:
         raise SceneError("instrument.file goes with kind = \"recording\"")
+    tip = default_tip
+    if isinstance(instrument.device, dict):
+        tip = instrument.device.get("tip", tip)
+        instrument["device"] = {key: value for key, value in instrument.device.items() if key != "tip"}
+    if tip not in TIPS:
+        raise SceneError(f"instrument.device.tip = {tip!r} must be one of {', '.join(TIPS)}")
+    if tip == "observed" and instrument.coupling is not OPTIONAL:
+        raise SceneError("instrument.device.tip = \"observed\" goes without coupling in the reference")
     for part in PHANTOM:
         if part != "coupling" or instrument.coupling is not OPTIONAL:  # without the table there is no coupling
             instrument[part] = read_part(part, {} if instrument[part] is OPTIONAL else instrument[part])
+    instrument["device"]["tip"] = tip
     R = instrument["device"].rotation
     if not (np.abs(R.T @ R - np.eye(3)).max() <= ORTHOGONAL and np.linalg.det(R) > 0.0):
         raise SceneError("instrument.device.rotation must be a rotation: orthogonal rows of length 1, right-handed")

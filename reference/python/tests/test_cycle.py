@@ -242,8 +242,8 @@ def test_lifting_off_keeps_the_contact_until_the_tip_is_outside(law, surface, sc
     module = {"geometric": cycle, "velocity": velocity, "massless": massless}[scheme]
     original = module.advance
 
-    def watched(model, surface, options, state, q0, q1, h, elapsed):
-        after, report = original(model, surface, options, state, q0, q1, h, elapsed)
+    def watched(model, surface, options, state, q0, q1, h, elapsed, **further):
+        after, report = original(model, surface, options, state, q0, q1, h, elapsed, **further)
         kept = after.contact is not None and after.contact.tension
         if after.contact is None:
             assert surface.outside(q1, after.x)

@@ -34,10 +34,10 @@ def followed(read, network):
     ticks = []
     original = massless.advance
 
-    def watched(model, surface, options, state, q0, q1, h, elapsed):
-        after, report = original(model, surface, options, state, q0, q1, h, elapsed)
+    def watched(model, surface, options, state, q0, q1, h, elapsed, tip_velocity):
+        after, report = original(model, surface, options, state, q0, q1, h, elapsed, tip_velocity)
         ticks.append(SimpleNamespace(model=model, surface=surface, before=state, after=after, report=report, q0=q0, q1=q1,
-                                     elapsed=elapsed))
+                                     elapsed=elapsed, tip_velocity=tip_velocity))
         return after, report
 
     massless.advance = watched
