@@ -114,7 +114,7 @@ pub use contact::renderer::{Body, BodyState, MovedNodes, Rendered, Renderer, Ren
 pub use contact::report::TickReport;
 pub use contact::rules::{ContactRules, Deformation, Scheme, Wall};
 pub use device::instrument::{Instrument, InstrumentFault};
-pub use device::path::{PathError, TipPath, Waypoint};
+pub use device::path::{Interpolation, PathError, TipPath, Waypoint};
 pub use model::mesh::{Block, Mesh, Stencil};
 pub use model::network::{Material, Network};
 pub use multirate::failsafe::{Fault, FaultCause};
@@ -124,6 +124,7 @@ pub use output::files::{FinishedRun, RunFilesError, run_into};
 pub use output::summary::Summary;
 pub use pipeline::{AssemblyError, Lockstep, OwnParts, RunError, Simulation, TickView, run};
 pub use scene::{MeshSource, Problem, Scene, SceneError};
+pub use surface::disc::DiscError;
 pub use surface::geometry::{ContactPoint, ContactSurface, SurfaceModel};
 pub use surface::support::Metric;
 
