@@ -47,6 +47,7 @@ fn touch(mesh: &Mesh, network: &Network, point: &Point, state: &State) -> Touche
     let rules = ContactRules {
         law: Law::Sliding,
         scheme: Scheme::Geometric { deformation: Deformation::Rigid, metric: Metric::Mass },
+        adhesion_n: 0.0,
         wall: Wall { stiffness: 1000.0, damping: 0.0 },
     };
     let position = point.support().map(|(node, weight)| state.x[node] * weight).iter().sum::<Vec3>();

@@ -105,8 +105,12 @@ fn the_velocity_scheme_commands_the_multiplier() {
     let mesh = samples::block().mesh();
     let network = sample(0.5);
     let surface = SurfaceModel::faceted(Arc::new(Surface::new(&mesh).expect("a block has a surface")));
-    let rules =
-        ContactRules { law: Law::Sticking, scheme: Scheme::Velocity, wall: Wall { stiffness: 1000.0, damping: 0.0 } };
+    let rules = ContactRules {
+        law: Law::Sticking,
+        scheme: Scheme::Velocity,
+        adhesion_n: 0.0,
+        wall: Wall { stiffness: 1000.0, damping: 0.0 },
+    };
     let (mut pushed, mut differences) = (0, Vec::new());
     for (i, point) in Point::all(&mesh, &network, 1).iter().enumerate() {
         // At rest in a deformed state, so that nothing but forces moves it.
