@@ -59,6 +59,11 @@ pub struct LimitRow {
 }
 
 impl LimitRow {
+    /// Whether the values are counts of ticks.
+    pub fn is_count(&self) -> bool {
+        self.unit.is_empty() && self.limit == 0.0
+    }
+
     /// Whether one of [`CONTACTS`], by its index, is within the limit.
     pub fn holds(&self, contact: usize) -> bool {
         self.values[contact].is_some_and(|value| if self.is_least { value >= self.limit } else { value <= self.limit })

@@ -25,7 +25,8 @@ pub fn section(rows: &[LimitRow]) -> Markup {
         let with_unit = |value: String| if row.unit.is_empty() { value } else { format!("{value} {}", row.unit) };
         let limit = format!("{} {}", if row.is_least { "≥" } else { "≤" }, with_unit(row.limit.to_string()));
         let value = |contact: usize| {
-            let text = row.values[contact].map_or("–".to_owned(), |value| with_unit(fixed(value, 3)));
+            let decimals = if row.is_count() { 0 } else { 3 };
+            let text = row.values[contact].map_or("–".to_owned(), |value| with_unit(fixed(value, decimals)));
             if row.holds(contact) { text } else { format!("{text} ✗") }
         };
         [row.quantity.clone(), limit, value(0), value(1), value(2)]
