@@ -99,8 +99,8 @@ def test_runaway_is_a_fault_and_keeps_the_rows_before_it():
                                      {"scheme": "massless", "surface": "subdivision"}],
                          ids=["faceted", "subdivision", "velocity", "massless"])
 def test_patch_of_everything_without_linearisation_is_the_full_model(within, contact):
-    _, local = run(duration=0.5, local={"rings": "all", "linearization": "none"}, contact=contact)
-    _, full = run(duration=0.5, local={"model": "full"}, contact=contact)
+    _, local = run(duration=0.3, local={"rings": "all", "linearization": "none"}, contact=contact)
+    _, full = run(duration=0.3, local={"model": "full"}, contact=contact)
     assert (local["mode"] == full["mode"]).all() and (local["triangle"] == full["triangle"]).all()
     largest = np.abs(force(full)).max()
     within("patch of everything against the full model", np.abs(force(local) - force(full)).max() / largest, SAME_RUN)
@@ -235,7 +235,7 @@ def test_lifting_off_keeps_the_contact_until_the_tip_is_outside(law, surface, sc
     """A fast lift puts the contact under tension; a free tick without a kept contact has the tip outside."""
     waypoints = [[0.0, 0.001, 0.0013, 0.00103], [0.1, 0.001, 0.0013, -0.004], [0.2, 0.004, 0.0013, -0.004],
                  [0.21, 0.004, 0.0013, 0.001], [0.3, 0.004, 0.0013, 0.001], [0.4, 0.004, 0.0013, -0.003]]
-    read = scene(law, duration=0.4, instrument={"waypoints": waypoints}, local={"model": "full"},
+    read = scene(law, duration=0.4, instrument={"waypoints": waypoints}, mesh={"nodes": [6, 6, 4]}, local={"model": "full"},
                  contact={"surface": surface, "scheme": scheme})
     network = net.block(read)
     seen = []

@@ -1,5 +1,7 @@
 """Contact geometry on the limit surface: nearest points, location, inside and outside, collision."""
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -21,6 +23,7 @@ WEIGHT_TOLERANCE = 1e-12
 SAMPLING = 0.05
 
 
+@functools.cache
 def block_surface():
     network = net.block(scene(mesh={"nodes": [4, 4, 3]}))
     return network, LimitSurface(network.triangles)
@@ -196,16 +199,22 @@ def test_a_tick_that_ends_on_the_surface_to_round_off_has_not_passed_it(left):
     assert abs(tau - 0.5) <= 1e-14
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_collision_against_brute_force(within, seed):
-    """Random motions of block and tip, against the sign at finely sampled times."""
+@functools.cache
+def collision(seed):
+    """A random motion of block and tip, and where it collides."""
     network, surface = block_surface()
     q0, q1, x0, x1 = random_motion(network, seed)
     q0, q1 = q0 - [0.0, 0.0, 0.008], q1 - [0.0, 0.0, 0.008]
+    return surface, (q0, q1, x0, x1), surface.collide(q0, q1, x0, x1)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_collision_against_brute_force(within, seed):
+    """Random motions of block and tip, against the sign at finely sampled times."""
+    surface, (q0, q1, x0, x1), hit = collision(seed)
     times = np.linspace(0.0, 1.0, 31)
     signs = [surface.signed_distance((1 - t) * q0 + t * q1, (1 - t) * x0 + t * x1)[0] for t in times]
     passes = [t for t, before, after in zip(times[1:], signs, signs[1:]) if before > 0.0 >= after]
-    hit = surface.collide(q0, q1, x0, x1)
     if hit is None:
         assert not passes
         return
@@ -216,9 +225,4 @@ def test_collision_against_brute_force(within, seed):
 
 
 def test_brute_force_cases_include_hits_and_misses():
-    network, surface = block_surface()
-    hits = 0
-    for seed in range(8):
-        q0, q1, x0, x1 = random_motion(network, seed)
-        hits += surface.collide(q0 - [0.0, 0.0, 0.008], q1 - [0.0, 0.0, 0.008], x0, x1) is not None
-    assert 2 <= hits <= 8
+    assert 2 <= sum(collision(seed)[2] is not None for seed in range(8)) <= 8
