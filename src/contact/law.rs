@@ -150,7 +150,8 @@ impl PartialEq for Law {
 /// ```
 pub trait ContactLaw: fmt::Debug + Sync {
     /// Returns the force on the instrument, N, and the contact mode, for the reaction λ that would hold the contact
-    /// point. It is called where F_N = λ·n̂ > 0. Under [`Mode::Slip`] and [`Mode::Slide`] the contact point is free to
+    /// point. It is called where F_N = λ·n̂ > −A, with the adhesion A of the scene, 0 by default; the massless scheme also
+    /// asks it with F_N = 0, for the friction of a contact that is re-established after tension. Under [`Mode::Slip`] and [`Mode::Slide`] the contact point is free to
     /// move along the surface.
     fn contact_force(&self, reaction: Vec3, normal: Vec3) -> (Mode, Vec3);
 
@@ -160,9 +161,9 @@ pub trait ContactLaw: fmt::Debug + Sync {
     }
 
     /// Returns the impulse Λ that adds r to the contact point's velocity, as far as the law allows, on a mesh that
-    /// responds with GΛ. G is any 3 × 3 matrix, r·n̂ < 0, and a tick lasts `tick_s`, s. By default the tangential part
-    /// is that of [`contact_force`](Self::contact_force) for −G⁻¹r/h, and the normal part makes the contact point
-    /// follow the tip along n̂.
+    /// responds with GΛ. G is any 3 × 3 matrix, and a tick lasts `tick_s`, h, s. The contact is not under tension:
+    /// n̂·r/(n̂·Gn̂) < Ah. By default the tangential part is that of [`contact_force`](Self::contact_force) for −G⁻¹r/h, and
+    /// the normal part makes the contact point follow the tip along n̂; where it would pull, sliding is solved.
     fn impulse(&self, response: &Mat3, r: Vec3, normal: Vec3, tick_s: f64) -> Impulse {
         let slide = normal * (normal.dot(&r) / normal.dot(&(response * normal)));
         let fallback = Impulse { mode: Mode::Slide, value: slide, fell_back: true };
