@@ -175,7 +175,7 @@ fn moments_are_the_integrals() {
     result.unwrap();
 }
 
-/// A whole hemisphere, wherever it lies, however the triangles cut it.
+/// On flat ground the pressure is the whole hemisphere, and its weights are centred on P, however triangles divide it.
 #[test]
 fn a_disc_on_flat_ground_is_centred() {
     let centred = Worst::new("closed form", "flat top: mean of the weighted vertices from the location, over a", 1e-13);
@@ -396,7 +396,7 @@ fn a_rigid_motion_moves_what_is_felt() {
         });
         result.unwrap();
     }
-    // Without the turn of the offset this fails: near an edge the mean of the vertices is millimetres inside.
+    // If the offset does not turn with the body, this fails: near an edge the mean of the vertices is millimetres inside.
     let fixed = Body::new(ContactSurface::Faceted, RADII[0], false, |x| rotation * x + shift);
     let edge = (0..fixed.triangles()).map(|triangle| ContactPoint { triangle, weights: [1.0, 0.0, 0.0] });
     let worst = edge.map(|point| {
@@ -410,7 +410,8 @@ fn a_rigid_motion_moves_what_is_felt() {
 #[test]
 fn stiffness_converges_to_the_half_space() {
     let radius = 0.025;
-    // Of the subdivision surface, whose basis functions spread the pressure wider, the normal is enough: it is the same network.
+    // For the subdivision surface, whose basis functions spread the pressure wider, one direction suffices: the network is
+    // the same.
     for (surface, push) in [
         (ContactSurface::Faceted, Push::Normal),
         (ContactSurface::Faceted, Push::Tangential),

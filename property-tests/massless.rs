@@ -1,5 +1,5 @@
-//! The massless scheme: what contact must reach, Coulomb's bound with a friction pair and adhesion, its energy, and the
-//! tip of a device whose encoders quantise.
+//! The massless scheme: what contact must reach, the Coulomb bound with a friction pair and adhesion, its energy balance,
+//! and its forces on a turned and moved scene.
 
 use std::sync::Arc;
 
@@ -19,8 +19,8 @@ use stickslip::verify::surfaces;
 
 use crate::check::{Worst, shipped};
 
-/// Every quantity of the table is within its limit under the massless scheme, and the table can tell: the velocity scheme
-/// misses the first contact and the hand at rest, the geometric one the energy.
+/// Every quantity but one is within its limit under the massless scheme, and the limits discriminate: the velocity scheme
+/// exceeds those of first contact and of the hand at rest, the geometric one that of the energy.
 #[test]
 fn contact_reaches_its_limits() {
     let columns = [0, 1, 2].map(|contact| measure(contact, Length::Short).expect("the scenes start"));
@@ -33,8 +33,9 @@ fn contact_reaches_its_limits() {
     let fails = |contact: usize| {
         rows.iter().filter(|row| !row.holds(contact)).map(|row| row.quantity.clone()).collect::<Vec<_>>()
     };
-    // At 50 mm/s and 1 kHz the tip moves 50 µm a tick, which stretches a stuck contact of 1.3 N/mm by 2.6 % of the peak.
-    let steep = "fig5-stick-slip: largest change within a tick beyond the dampers', 1 kHz, over the peak";
+    // At 50 mm/s and 1 kHz the tip moves 50 µm per tick, which changes the force of a sticking contact of 1.3 N/mm by
+    // 2.6 % of the peak.
+    let steep = "fig5-stick-slip: largest change within a tick, less the dampers' part, at 1 kHz, over the peak";
     assert_eq!(fails(2), [steep], "{}", CONTACTS[2].0);
     let steepest = rows.iter().find(|row| row.quantity == steep).and_then(|row| row.values[2]);
     assert!(steepest.is_some_and(|percent| percent <= 2.7), "{steepest:?}");
@@ -48,7 +49,7 @@ fn completes(scene: &stickslip::scene::Scene, observe: impl FnMut(&TickView)) {
     pipeline::run(scene, observe).unwrap_or_else(|error| panic!("{}: {error}", scene.name));
 }
 
-/// F_T is at most μ_s(F_N + A) while it sticks and μ_k(F_N + A) while it slips, and the held contact point is at the tip.
+/// F_T is at most μ_s(F_N + A) in sticking and μ_k(F_N + A) in slipping contact; a sticking contact point is at the tip.
 #[test]
 fn the_friction_pair_and_adhesion_bound_the_force() {
     // Round-off of forces of a few newtons and of positions up to 0.05 m. Measured: 2e-16 and 3e-17.
@@ -79,7 +80,7 @@ fn the_friction_pair_and_adhesion_bound_the_force() {
     assert!(sticks > 100, "{sticks} sticking ticks");
 }
 
-/// A contact with adhesion bears tension up to A and then lets go; with an infinite one it never does.
+/// A contact with adhesion A bears tension up to A and is then released; with an infinite A it never is.
 #[test]
 fn adhesion_is_the_tension_that_a_contact_bears() {
     for scheme in [Scheme::Massless, Scheme::Velocity, Scheme::default()] {
@@ -131,7 +132,7 @@ fn the_impulse_with_adhesion_meets_the_law() {
     assert!(pulls > 0, "no case pulls");
 }
 
-/// Mesh energy, dissipation and work balance with the two contact columns, also when the contact slides and slips.
+/// With the two contact columns the energy balance closes to first order in h, where the contact sticks, slides or slips.
 #[test]
 fn the_energy_of_the_held_point_closes_the_balance() {
     for name in ["fig3-sliding", "fig4-sticking", "fig5-stick-slip"] {

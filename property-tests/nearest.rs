@@ -13,9 +13,9 @@ use stickslip::surface::geometry::SurfaceModel;
 
 use crate::check::runner;
 
-/// A few nanometres from an edge or a vertex of a convex body, where several triangles are equally near within the
-/// tolerance of the nearest point, a point is outside if it lies above the plane of any face. The sign is that of the
-/// nearest feature: the pseudonormal of a triangle that is merely as near, to 1 nm, is on the wrong side.
+/// A few nanometres from an edge or a vertex of a convex body several triangles tie for the nearest, within the tolerance.
+/// A point is outside there if it lies above the plane of any face, which only the pseudonormal of its nearest feature
+/// tells: that of a triangle which merely ties may face the other way.
 #[test]
 fn a_point_next_to_an_edge_is_on_its_own_side() {
     let mesh = Mesh {

@@ -1,12 +1,13 @@
-//! What a contact point opposes to a fast motion of the tip along the normal: its mass, and the stiffness and damping of
-//! the springs and dampers around it, before anything else has moved.
+//! Resistance of a contact point to a sudden motion of the tip along the normal: its mass, and the stiffness and damping
+//! of the springs and dampers around it, before anything else has moved.
 
 use super::shape::Touch;
 use super::simulation::LocalSimulation;
 use crate::surface::geometry::ContactPoint;
 use crate::surface::support::{Metric, Support};
 
-/// Displacement by which the stiffness is measured, m: linear to 1e-4 on millimetres of mesh, and 1e9 ulps.
+/// Displacement by which the stiffness is measured, m: a strain of 1e-4 in springs of 1 mm, and more than 1e9 ulps of a
+/// position of 0.1 m. The same number, in m/s, measures the damping.
 const DISPLACEMENT_M: f64 = 1e-7;
 
 /// Mass, stiffness and damping of a contact point along the normal.
@@ -29,9 +30,9 @@ const DISPLACEMENT_M: f64 = 1e-7;
 pub struct Impedance {
     /// Mass m_c = (WM⁻¹Wᵀ)⁻¹, kg.
     pub mass_kg: f64,
-    /// Stiffness while all else stands still, N/m.
+    /// Stiffness while all other nodes stand still, N/m.
     pub stiffness_n_per_m: f64,
-    /// Damping while all else stands still, N·s/m.
+    /// Damping while all other nodes stand still, N·s/m.
     pub damping_n_s_per_m: f64,
 }
 

@@ -58,9 +58,9 @@ pub enum Law {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Friction {
-    /// Coefficient μ_s up to which a contact sticks that is new or stuck in the last tick.
+    /// Static coefficient μ_s: the Coulomb bound of a contact that is new or stuck in its last tick.
     pub static_coefficient: f64,
-    /// Coefficient μ_k of a slipping contact, below which it may stick again.
+    /// Kinetic coefficient μ_k: the friction of a slipping contact, and the bound below which it sticks again.
     pub kinetic_coefficient: f64,
 }
 
@@ -70,7 +70,7 @@ impl Friction {
         Self { static_coefficient: coefficient, kinetic_coefficient: coefficient }
     }
 
-    /// Returns the coefficient up to which a contact sticks.
+    /// Returns the coefficient of the Coulomb bound.
     fn bound(self, slipped: bool) -> f64 {
         if slipped { self.kinetic_coefficient } else { self.static_coefficient }
     }
@@ -82,13 +82,13 @@ impl From<f64> for Friction {
     }
 }
 
-/// State and adhesion of the touching surfaces, which decide the bound of friction beside the reaction.
+/// State and adhesion of the touching surfaces, on which the Coulomb bound depends in addition to the reaction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Interface {
     /// Whether the contact slipped in its last tick.
     pub slipped: bool,
-    /// Adhesion A ≥ 0, N: the tension that the contact bears, and an addition to the normal force in the bound of
-    /// friction, μ(F_N + A) (Derjaguin). May be infinite for a contact that never slips.
+    /// Adhesion A ≥ 0, N: the tension that the contact bears, and an addition to the normal force in the Coulomb bound,
+    /// μ(F_N + A) (Derjaguin). May be infinite under [`Law::Sticking`].
     pub adhesion_n: f64,
 }
 
@@ -150,7 +150,8 @@ impl PartialEq for Law {
 /// ```
 pub trait ContactLaw: fmt::Debug + Sync {
     /// Returns the force on the instrument, N, and the contact mode, for the reaction λ that would hold the contact
-    /// point. It is called where F_N = λ·n̂ > 0. Under [`Mode::Slip`] and [`Mode::Slide`] the contact point is free to
+    /// point. It is called where F_N = λ·n̂ > −A, with the adhesion A of the scene, 0 by default; the massless scheme also
+    /// asks it with F_N = 0, for the friction of a contact that is re-established after tension. Under [`Mode::Slip`] and [`Mode::Slide`] the contact point is free to
     /// move along the surface.
     fn contact_force(&self, reaction: Vec3, normal: Vec3) -> (Mode, Vec3);
 
@@ -160,9 +161,9 @@ pub trait ContactLaw: fmt::Debug + Sync {
     }
 
     /// Returns the impulse Λ that adds r to the contact point's velocity, as far as the law allows, on a mesh that
-    /// responds with GΛ. G is any 3 × 3 matrix, r·n̂ < 0, and a tick lasts `tick_s`, s. By default the tangential part
-    /// is that of [`contact_force`](Self::contact_force) for −G⁻¹r/h, and the normal part makes the contact point
-    /// follow the tip along n̂.
+    /// responds with GΛ. G is any 3 × 3 matrix, and a tick lasts `tick_s`, h, s. The contact is not under tension:
+    /// n̂·r/(n̂·Gn̂) < Ah. By default the tangential part is that of [`contact_force`](Self::contact_force) for −G⁻¹r/h, and
+    /// the normal part makes the contact point follow the tip along n̂; where it would pull, sliding is solved.
     fn impulse(&self, response: &Mat3, r: Vec3, normal: Vec3, tick_s: f64) -> Impulse {
         let slide = normal * (normal.dot(&r) / normal.dot(&(response * normal)));
         let fallback = Impulse { mode: Mode::Slide, value: slide, fell_back: true };
@@ -272,8 +273,8 @@ impl Law {
     ///
     /// Sticking: Λ = G⁻¹r. Sliding: Λ = n̂(n̂·r)/(n̂·Gn̂). Beyond |Λ_T| = μ(Ah − Λ·n̂): Λ = −an̂ + μ_k(a + Ah)t̂ with
     /// t̂ = Λ_T/|Λ_T| and a = (n̂·r − μ_kAh n̂·Gt̂)/(n̂·G(−n̂ + μ_kt̂)), so that the contact point follows along the
-    /// normal. If G turns an impulse far enough, Λ = G⁻¹r would pull beyond the adhesion (Λ·n̂ ≥ Ah), or −a would: then no
-    /// such Λ exists, and sliding is solved.
+    /// normal. For some G, Λ = G⁻¹r would pull beyond the adhesion (Λ·n̂ ≥ Ah), or the slipping impulse would (−a ≥ Ah).
+    /// The law then has no solution, and sliding is solved.
     pub fn impulse(self, response: &Mat3, r: Vec3, normal: Vec3, tick_s: f64, interface: Interface) -> Impulse {
         let along = |direction: Vec3| direction * (normal.dot(&r) / normal.dot(&(response * direction)));
         let slide = |fell_back| Impulse { mode: Mode::Slide, value: along(normal), fell_back };

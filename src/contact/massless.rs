@@ -2,9 +2,9 @@
 //!
 //! The velocity scheme gives the instrument the whole impulse that moves the contact point, and with it the inertia of
 //! the mass m_c = (WM⁻¹Wᵀ)⁻¹ under the tip: m_c v/h at first contact, and m_c Δ/h² for an encoder count Δ. Both grow
-//! without bound with the rate. Here the motion along the directions that the contact holds is prescribed by the tip,
-//! and its force is the multiplier of the internal forces without the tip's acceleration, λ = m_c WM⁻¹f, at the tick's
-//! end, where the contact point is at the tip. `reference/docs/massless.md` derives the scheme, and what it loses.
+//! without bound with the rate. Here the tip prescribes the motion along the directions that the contact holds, and the
+//! instrument feels the multiplier of the internal forces without the tip's acceleration, λ = m_c WM⁻¹f, at the tick's
+//! end, where the contact point is at the tip. `reference/docs/massless.md` derives the scheme and says what it loses.
 
 use super::law::{Interface, Law, Mode};
 use super::report::TickReport;
@@ -47,8 +47,8 @@ impl Held {
         }
     }
 
-    /// Kinetic energy of the contact point along the held directions, J: ½ m_c |V|² for its velocity, m/s. The support's
-    /// metric is that of the masses.
+    /// Kinetic energy of the contact point along the held directions, J: ½ m_c |V|² with V the held part of its velocity,
+    /// m/s. The support needs the mass metric.
     ///
     /// ```
     /// use stickslip::{Vec3, contact::massless::Held, surface::support::{Metric, Support}};
@@ -68,23 +68,24 @@ impl Held {
     }
 }
 
-/// Energy of the contact point that the massless scheme holds. Nobody pays for its changes: the tip prescribes them.
+/// Energy of the contact point, whose motion the tip prescribes: the instrument does no work for its changes.
 ///
-/// Mesh energy + dissipation − work of the instrument = `kinetic` + `exchanged`, up to the integrator's error.
+/// Change of the mesh's energy + dissipation − work of the instrument = `kinetic` + `exchanged`, up to the integrator's
+/// error.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ContactEnergy {
     /// ½ m_c |q̇|² over the held directions at the end of the last tick, J; 0 without a contact.
     pub kinetic: f64,
-    /// Energy that the mesh received from the contact in all changes of what is held, J. A capture destroys the kinetic
-    /// energy that the contact point had; a release leaves in the mesh what nobody paid for.
+    /// Energy that the mesh received in all changes of the held directions or of the contact point, J. The onset of
+    /// contact destroys the kinetic energy that the contact point had; a release leaves the tip's in the mesh.
     pub exchanged: f64,
     /// Sum of the positive parts of `exchanged`, J.
     pub created: f64,
 }
 
 impl ContactEnergy {
-    /// The held directions change: what is captured has this kinetic energy, J, and what was held before is left to the
-    /// mesh.
+    /// Accounts for a change of the held directions or of the contact point: the mesh keeps the kinetic energy of the old
+    /// ones, and loses that of the new ones, `captured`, J.
     fn change(&mut self, captured: f64) {
         let received = std::mem::take(&mut self.kinetic) - captured;
         self.exchanged += received;
@@ -94,16 +95,16 @@ impl ContactEnergy {
     }
 }
 
-/// What the massless scheme knows of the contact from tick to tick.
+/// State of the massless scheme between ticks.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct MasslessMemory {
-    /// Normal force F_N at the end of the last tick, N, which bounds the friction of the next; 0 after tension.
+    /// Normal force F_N at the end of the last tick, N, which bounds the friction of the next; not used after tension.
     normal_force: f64,
-    /// Velocity of the tip over the surface in the last tick, m/s, if a sticking contact slid in it.
+    /// Velocity of the tip over the surface in the last tick, m/s, if a contact of [`Law::Sticking`] slid in it.
     slid: Option<Vec3>,
     /// Directions that the last tick held.
     pub(super) held: Held,
-    /// Energy of the held contact point.
+    /// Energy of the contact point along the held directions.
     pub(super) energy: ContactEnergy,
 }
 
@@ -125,18 +126,18 @@ enum Motion {
     },
 }
 
-/// Velocities that a tick starts from, m/s.
+/// Velocities of the tip relative to the predicted mesh, m/s.
 struct Lack {
-    /// What the located point lacks to be at the tip at the tick's end.
+    /// Change of the contact point's predicted velocity that takes it to the tip by the tick's end.
     r: Vec3,
-    /// The tip's motion over the surface, without friction.
+    /// Velocity of the tip over the surface without friction.
     u: Vec3,
 }
 
 impl LocalSimulation {
-    /// One tick: an impulse makes the contact point follow the tip along the directions that the contact holds, whatever
-    /// impulse that takes. The forces at the tick's end decide what the instrument feels, and whether the contact sticks,
-    /// slips or is under tension from then on.
+    /// One tick: an impulse, whether it pushes or pulls, makes the contact point follow the tip along the held
+    /// directions. The forces at the tick's end decide what the instrument feels, and whether the contact sticks, slips or
+    /// is under tension from then on.
     pub(super) fn massless_tick(&mut self, q0: Vec3, q1: Vec3) -> TickReport {
         // 1. Predict, with the forces that the last tick ended with.
         let is_linear = self.model.step.is_some();
@@ -161,7 +162,7 @@ impl LocalSimulation {
         let n = touch.normal;
         let [g, gx] = if is_linear { self.respond() } else { [Mat3::identity() * self.support.scale(); 2] };
 
-        // 3. Decide by the motion of tip and surface what the contact holds.
+        // 3. Choose the held directions by the motion of tip and surface.
         let predicted = self.support.velocity(&self.state.v_predicted);
         let over = (q1 - q0) / self.tick_s - predicted;
         let lack = Lack { r: (q1 - touch.position) / self.tick_s - predicted, u: over - n * n.dot(&over) };
@@ -181,8 +182,7 @@ impl LocalSimulation {
         let captured = held.kinetic(&self.support, self.support.velocity(&self.state.v));
         self.massless.energy.change(captured);
 
-        // 4. Move. The contact point's velocity is the tip's, which an instrument with encoders knows better than the
-        // displacement of one tick.
+        // 4. Move. An instrument with encoders estimates the tip's velocity better than the displacement of one tick does.
         let wanted = self.tip_velocity;
         if is_linear {
             self.move_by_linear_step(held, impulse, &gx, q1 - touch.position);
@@ -202,7 +202,7 @@ impl LocalSimulation {
         self.massless.energy.kinetic = held.kinetic(&self.support, self.support.velocity(&self.state.v));
         self.massless.held = held;
 
-        // 5. Force at the tick's end, and law.
+        // 5. Evaluate the force at the tick's end, and apply the law.
         let end = (self.latency + self.age + 1) as f64 * self.tick_s;
         self.model.place_boundary(end, &mut self.state.x);
         self.model.evaluate_forces(end, &mut self.state);
@@ -217,7 +217,7 @@ impl LocalSimulation {
         }
         let (mode, force) = self.massless_force(motion, reaction, n);
         let state = match (mode, self.massless.slid) {
-            // A sticking contact that slides is located like a slipping one, where the tip stood.
+            // Under `Law::Sticking` a sliding contact is located like a slipping one, where the tip was.
             (Mode::Slide, Some(_)) => ContactState::Slip,
             (mode, _) => ContactState::after(mode),
         };
@@ -234,7 +234,7 @@ impl LocalSimulation {
         let is_held_again = match before {
             None | Some(ContactState::Stick) => return Motion::Sticks,
             Some(ContactState::Slip) => false,
-            // Under tension it exerted no force, and rigid ground none that the law knows.
+            // A contact under tension exerted no force, and that of rigid ground says nothing about friction.
             Some(ContactState::Tension | ContactState::Slide) => true,
         };
         if law == Law::Sticking {
@@ -273,8 +273,8 @@ impl LocalSimulation {
         match motion {
             Motion::Sticks => rules.law.contact_force(reaction, n, interface),
             Motion::Slides => Law::Sliding.contact_force(reaction, n, interface),
-            // The instrument feels no more friction than what stops the slip: in a contact that has just been taken hold of
-            // its direction may be round-off.
+            // The instrument feels no more friction than what stops the slip: in a re-established contact the slip, and so
+            // its direction, may be round-off.
             Motion::Slips { direction, stopping, .. } => {
                 let at_end = self.friction(*normal_force, direction, stopping, n).unwrap_or(stopping);
                 (Mode::Slip, n * *normal_force - direction * at_end)
@@ -282,7 +282,7 @@ impl LocalSimulation {
         }
     }
 
-    /// Ends the contact: what it held is left to the mesh.
+    /// Ends the contact: the kinetic energy of the contact point is left in the mesh.
     fn let_go(&mut self) {
         self.massless.energy.change(0.0);
         self.massless = MasslessMemory { energy: self.massless.energy, ..MasslessMemory::default() };

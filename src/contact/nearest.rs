@@ -5,8 +5,8 @@ use crate::Vec3;
 use crate::surface::geometry::{ContactGeometry, ContactPoint};
 use crate::surface::tree::Aabb;
 
-/// Squared distances this close, m², count as equal, and the triangle with the lowest index is taken. A point next to
-/// an edge has the same distance from both triangles to round-off.
+/// Squared distances within this of each other, (1 nm)² in m², tie, and the triangle with the lowest index is taken. The
+/// distances of a point from the two triangles at an edge differ by round-off.
 const SAME_DISTANCE_SQUARED: f64 = 1e-18;
 
 /// A box is skipped only if it is further away by more than the round-off of its distance: at 10 cm the last bit of a
@@ -102,8 +102,8 @@ impl Shape<'_> {
         self.sweep(q, bound, |best, candidate| candidate.point.triangle < best.point.triangle).or(Some(least))
     }
 
-    /// Returns the nearest feature to the last bit. The side of the surface follows from its pseudonormal; that of a
-    /// triangle which is merely as near to 1 nm may face the other way.
+    /// Returns the nearest feature, to the last bit. Its pseudonormal decides the side of the surface; that of a triangle
+    /// which only ties with it within [`SAME_DISTANCE_SQUARED`] may face the other way.
     fn least_distant(&self, q: Vec3) -> Option<Nearest> {
         self.sweep(q, f64::INFINITY, |best, candidate| candidate.distance_squared < best.distance_squared)
     }

@@ -56,7 +56,7 @@ pub enum Scheme {
         metric: Metric,
     },
     /// An impulse makes the contact point follow the tip, and the instrument feels all of it. Momentum and energy are
-    /// balanced; the mass under the tip is felt as an impact of m_c v/h, which grows without bound with the rate.
+    /// balanced. The mass m_c under the tip is felt at first contact as m_c v/h, which grows without bound with the rate.
     Velocity,
     /// The contact point follows the tip as under [`Velocity`](Self::Velocity), but the instrument feels the internal
     /// forces alone, not the inertia of the contact point. The force converges as the tick becomes shorter.
@@ -106,7 +106,8 @@ pub struct ContactRules {
     pub law: Law,
     /// The scheme by which the law acts on the mesh.
     pub scheme: Scheme,
-    /// Adhesion A ≥ 0, N: a contact is under tension only where F_N ≤ −A. Infinite for a contact that never ends.
+    /// Adhesion A ≥ 0, N: a contact is under tension, and exerts no force, only where F_N ≤ −A. Infinite for a contact
+    /// that is never under tension.
     pub adhesion_n: f64,
     /// Stiffness and damping of rigid ground.
     pub wall: Wall,

@@ -1,6 +1,7 @@
-//! Contact with a surface that has derivatives, the Loop limit surface or one that is felt over a disc: its point nearest to
-//! the tip, by a safeguarded Newton search that walks from triangle to triangle; the side on which the tip is; and the time
-//! at which the tip passes inwards.
+//! Contact with a surface that has derivatives: the Loop limit surface, or a surface that is felt over a disc.
+//!
+//! Finds its point nearest to the tip, by a safeguarded Newton search that walks from triangle to triangle; the side on
+//! which the tip is; and the time at which the tip passes inwards.
 
 use super::collision::{Collision, START_TOLERANCE};
 use super::shape::{Projection, Shape};
@@ -21,8 +22,8 @@ const LARGEST_SEARCH: usize = 200;
 const RESTARTS: usize = 3;
 /// Largest number of halvings of a step that does not lead nearer.
 const HALVINGS: usize = 30;
-/// Largest number of edges that a search crosses without moving. One that crosses more is at a corner of the body, and goes
-/// around it.
+/// Largest number of edges that a search crosses without moving. A search that crosses more circles around a corner of the
+/// body, which is the nearest point.
 const LARGEST_STALL: usize = 16;
 
 /// A tick is examined in pieces in which tip and surface move by no more than this share of a mesh edge, so that a body
@@ -159,7 +160,7 @@ impl Shape<'_> {
         let mut best = self.descend(smooth, self.nearest_on_triangles(q)?, q);
         let restarts = match smooth {
             SmoothSurface::Limit(_) => RESTARTS,
-            // A mean over a disc has no crumples, and each look would be as costly as a step.
+            // The mean over a disc is not crumpled, and each look would cost as much as a step.
             SmoothSurface::Disc(_) => 0,
         };
         for _ in 0..restarts {
@@ -194,8 +195,8 @@ impl Shape<'_> {
             .map_or(f64::NAN, |search| signed(q, search.surface.position, self.outwards(smooth, &search)))
     }
 
-    /// Vector to the outer side at the end of a search. Triangles that are felt over a disc meet at angles where the body has
-    /// edges: there it is the angle-weighted pseudonormal (Bærentzen & Aanæs 2005).
+    /// Vector to the outer side at the end of a search. A surface that is felt over a disc keeps the sharp edges of the body:
+    /// there it is the angle-weighted pseudonormal (Bærentzen & Aanæs 2005).
     fn outwards(&self, smooth: &SmoothSurface, Search { point, surface, .. }: &Search) -> Vec3 {
         let normal = surface.tangents[0].cross(&surface.tangents[1]);
         if let SmoothSurface::Limit(_) = smooth {
@@ -281,8 +282,8 @@ impl Shape<'_> {
         self.edge_ahead(here, step, None)
     }
 
-    /// Returns the edge over which the search is about to go back to the triangle that it has just left: the nearest point is
-    /// on this edge, along which triangles meet at an angle.
+    /// Returns the edge over which the search is about to go back to the triangle that it has just left: two triangles meet
+    /// there at an angle, and the nearest point is on the edge.
     fn crease_ahead(&self, here: &ContactPoint, step: [f64; 2], came_from: Option<u32>) -> Option<usize> {
         came_from.and_then(|_| self.edge_ahead(here, step, came_from))
     }
@@ -396,7 +397,8 @@ impl MovingSurface<'_> {
     /// Returns when and where the tip passes from the outer to the inner side. A tip that is inside at the start passes
     /// through nothing.
     pub fn first_collision(&mut self, tested: &mut u64) -> Option<Collision> {
-        // The surface over a triangle lies in the convex hull of its support, or over its overhang, which the boxes include.
+        // The surface over a triangle lies in the convex hull of its support, or no further from it than its overhang, by
+        // which the boxes are grown.
         let tip = Aabb::around([self.q0, self.q1]).grown(START_TOLERANCE);
         let reachable = tip.grown(self.start.reach().max(self.end.reach()));
         let mut near = 0;
@@ -408,7 +410,7 @@ impl MovingSurface<'_> {
 
         let speed = (self.q1 - self.q0).norm() + self.fastest() * self.smooth.agility();
         let mut before = (0.0, self.distance(0.0));
-        // The tip is inside, or further away than all motion within the tick.
+        // A tip that starts inside passes through nothing, and one further away than all motion in the tick arrives later.
         if !(before.1 >= -START_TOLERANCE && before.1 <= speed) {
             return None;
         }

@@ -24,11 +24,11 @@ pub struct Waypoint {
 /// Motion between two waypoints.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Interpolation {
-    /// Constant velocity. It jumps at a waypoint, which contact feels as an impact of the path's own.
+    /// Constant velocity between waypoints. The velocity jumps at a waypoint, to which contact responds as to an impact.
     #[default]
     Linear,
-    /// Minimum jerk: the share 10τ³ − 15τ⁴ + 6τ⁵ of the way, at rest and without acceleration at every waypoint (Flash &
-    /// Hogan 1985, *J. Neurosci.* 5(7)).
+    /// Minimum jerk: the share 10τ³ − 15τ⁴ + 6τ⁵ of the way at the share τ of the time, with zero velocity and acceleration
+    /// at every waypoint (Flash & Hogan 1985, *J. Neurosci.* 5(7)).
     MinimumJerk,
 }
 
@@ -43,7 +43,7 @@ impl Interpolation {
         }
     }
 
-    /// Derivative of [`share`](Self::share).
+    /// Derivative of [`share`](Self::share) by τ.
     fn rate(self, t: f64) -> f64 {
         match self {
             Interpolation::Linear => 1.0,

@@ -9,8 +9,8 @@ use crate::pipeline::TickView;
 /// tests: collision uses triangle planes, and inside the nearest point.
 const TUNNELLED_M: f64 = 1e-12;
 
-/// Depth of a tip under tension, as a share of the longest edge of its triangle, above which the patch has folded. A surface
-/// that tears off recoils by a hundredth of an edge in the shipped scenes.
+/// Depth of the tip inside the surface while the contact is under tension, as a share of the longest edge of the contact's
+/// triangle, above which the patch has folded. In shipped scenes a surface that tears off recoils by 0.01.
 const FOLDED: f64 = 0.1;
 
 /// Measures of the contact over the ticks recorded so far. A loss, a mode switch or a jump needs two successive ticks,
@@ -107,9 +107,9 @@ impl ContactMeasures {
     }
 }
 
-/// Returns whether the tip is deep inside the surface while a contact under tension exerts no force. Surface that is let go
-/// moves away from the tip; a tip that stays inside by more than a tenth of an edge of the mesh lies in a patch that has
-/// folded over. A distance that is not a number counts as inside.
+/// Returns whether the tip is deep inside the surface while a contact under tension exerts no force. A surface that
+/// tears off recoils from the tip; if the tip is inside by more than a tenth of an edge, the patch has folded over it. A distance
+/// that is not a number counts as inside.
 pub fn is_folded(view: &TickView) -> bool {
     let (Mode::Free, Some(contact)) = (view.report.mode, view.local.contact()) else { return false };
     let shape = view.local.shape();

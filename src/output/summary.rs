@@ -187,13 +187,14 @@ pub struct EnergySummary {
     pub damping_loss_j: f64,
     /// Energy dissipated by slipping, J.
     pub friction_loss_j: f64,
-    /// Energy dissipated by impacts under the velocity scheme, J.
+    /// Energy dissipated by impacts under the velocity and the massless scheme, J.
     pub impact_loss_j: f64,
-    /// Kinetic energy of the contact point that the massless scheme holds, J.
+    /// Kinetic energy of the contact point along the directions that the massless scheme holds, J.
     pub contact_kinetic_j: f64,
     /// Energy that the mesh received from that contact point without work of the instrument, J.
     pub contact_exchange_j: f64,
-    /// Energy residual, work + contact_kinetic + contact_exchange − stored − dissipated, J. Scheme and exterior generate energy if it is negative.
+    /// Energy residual, work + contact_kinetic + contact_exchange − stored − dissipated, J. Scheme and exterior generate
+    /// energy if it is negative.
     pub residual_j: f64,
     /// Energy residual over Σ |f·Δq|; 0 without work.
     pub residual_relative: f64,
@@ -259,7 +260,7 @@ pub struct Summary {
     pub friction_assist_ticks: u64,
     /// Energy that friction gave to the instrument in those ticks, J.
     pub friction_assist_j: f64,
-    /// Energy that the massless scheme left in the mesh without anybody paying for it, J: the sum of the positive changes
+    /// Energy that the massless scheme left in the mesh without work of the instrument, J: the sum of the positive changes
     /// of `contact_exchange`. Zero under the other schemes.
     pub contact_energy_created_j: f64,
     /// Mode switches per second of simulated time, 1/s.

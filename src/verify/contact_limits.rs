@@ -1,5 +1,5 @@
-//! What contact must reach, measured for three schemes: convergence of the force with the rate, the first contact, energy,
-//! a hand that holds still, creep, stick-slip against its closed form, and friction that helps.
+//! What contact must reach, measured for three contacts: convergence of the force with the rate, first contact, energy
+//! balance, a hand at rest, creep, stick-slip against its closed form, and friction that pushes the tip along.
 
 use std::sync::Arc;
 
@@ -37,9 +37,9 @@ pub const CONTACTS: [(&str, ContactSurface, Scheme); 3] = [
 /// How long the studies are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Length {
-    /// As the limits say: rates up to 16 kHz, ten seconds held, sixty seconds of creep.
+    /// Rates up to 16 kHz, a hand at rest for ten seconds, sixty seconds of creep.
     Whole,
-    /// What a test can afford: rates up to 4 kHz, three seconds held, five of creep.
+    /// For tests: rates up to 4 kHz, a hand at rest for three seconds, three of creep.
     Short,
 }
 
@@ -136,12 +136,12 @@ fn completes(scene: &Scene, observe: impl FnMut(&TickView)) -> Result<bool, RunE
     }
 }
 
-/// Force over one run of the whole network, and what the dampers explain of its changes.
+/// Force over one run of the whole network, and its largest change apart from that of the dampers.
 struct ForceRecord {
     /// Force at the end of every millisecond from the first contact on, N.
     each_ms: Vec<Vec3>,
     peak: f64,
-    /// Largest change within a tick beyond what the dampers make of a change of the tip's velocity, N.
+    /// Largest change within a tick, N, less the dampers' response to the change of the tip's velocity.
     change: f64,
     energy_residual: f64,
     assist_ticks: f64,
@@ -200,7 +200,7 @@ fn damper_force(view: &TickView, jump: Vec3, follows_normal: bool) -> f64 {
     if follows_normal { touch.normal.dot(&change).abs() } else { change.norm() }
 }
 
-/// Press and drag of the whole network at rates that double: the force, its changes, the energy balance.
+/// Press and drag of the whole network at rates that double: convergence of the force, its changes, energy balance.
 fn over_rates(drag: &str, surface: ContactSurface, scheme: Scheme, length: Length) -> Result<Vec<Measured>, RunError> {
     let factors: &[u32] = match length {
         Length::Whole => &[1, 2, 4, 8, 16],
@@ -231,17 +231,17 @@ fn over_rates(drag: &str, surface: ContactSurface, scheme: Scheme, length: Lengt
     let balance = |index: usize| of(index).energy_residual.abs();
     Ok(vec![
         Measured::at_most(
-            format!("{drag}: force at neighbouring rates, 1 to {highest_khz} kHz, largest difference over the peak"),
+            format!("{drag}: largest difference of the force over the peak, rates doubled from 1 to {highest_khz} kHz"),
             "%",
             3.0,
             valid(100.0 * largest),
         ),
         Measured {
             is_least: true,
-            ..Measured::at_most(format!("{drag}: observed order over these rates"), "", 0.9, valid(order))
+            ..Measured::at_most(format!("{drag}: observed order of convergence"), "", 0.9, valid(order))
         },
         Measured::at_most(
-            format!("{drag}: largest change within a tick beyond the dampers', 1 kHz, over the peak"),
+            format!("{drag}: largest change within a tick, less the dampers' part, at 1 kHz, over the peak"),
             "%",
             2.0,
             valid(100.0 * of(0).change / peak),
@@ -260,7 +260,7 @@ fn over_rates(drag: &str, surface: ContactSurface, scheme: Scheme, length: Lengt
             valid(balance(2) / balance(0)),
         ),
         Measured::at_most(
-            format!("{drag}: ticks in which friction helps the tip along"),
+            format!("{drag}: ticks in which friction pushes the tip along"),
             "",
             0.0,
             valid(of(0).assist_ticks),
@@ -301,16 +301,16 @@ pub fn by_hand(
     scene.with_local_rate_hz(rate_hz).and_then(|scene| scene.with_duration_s(duration_s)).map_err(RunError::Scene)
 }
 
-/// Friction of the contacts that a hand holds.
+/// Friction of the contacts under the hand: firm enough to stick.
 const FIRM: Law = Law::StickSlip { friction: Friction::single(0.5) };
-/// Way of the hand's aim to the side, m: the contact then bears 0.3 N beside 0.7 N along the normal.
+/// Distance by which the hand aims aside, m: the contact then bears 0.3 N along the surface and 0.7 N along the normal.
 const ASIDE_M: f64 = 0.0036;
-/// The same where it bears a good nine tenths of what friction can: 0.33 of 0.35 N.
+/// The same for creep, m: the contact bears 0.33 N along the surface, of the 0.35 N that friction can.
 const ASIDE_TO_CREEP_M: f64 = 0.0054;
-/// Time after which a hand's motion has decayed, s.
+/// Time after which the hand's approach has decayed, s.
 const SETTLED_S: f64 = 2.0;
 
-/// The hand holds the device still: peak to peak of the commanded force, and the energy that the hand receives.
+/// The hand holds the device still: peak to peak of the commanded force, and the net energy that the hand receives.
 fn held_still(surface: ContactSurface, scheme: Scheme, length: Length) -> Result<Vec<Measured>, RunError> {
     let duration_s = match length {
         Length::Whole => 12.0,
@@ -345,7 +345,7 @@ fn held_still(surface: ContactSurface, scheme: Scheme, length: Length) -> Result
     Ok(measured)
 }
 
-/// The hand pulls with nine tenths of the force that friction holds: ticks in which the contact slips.
+/// The hand pulls with nine tenths of the largest static friction: ticks in which the contact slips.
 fn creep(surface: ContactSurface, scheme: Scheme, length: Length) -> Result<Vec<Measured>, RunError> {
     let duration_s = match length {
         Length::Whole => 62.0,
@@ -367,10 +367,11 @@ fn creep(surface: ContactSurface, scheme: Scheme, length: Length) -> Result<Vec<
     Ok(measured)
 }
 
-/// Stick-slip of one mass on one spring, m = 10 g and k = 100 N/m, drawn at 1 mm/s with μ_s = 0.6 and μ_k = 0.3.
+/// Stick-slip of one mass on one spring, m = 10 g and k = 100 N/m, under a tip that drags it at v = 1 mm/s with μ_s = 0.6
+/// and μ_k = 0.3.
 ///
-/// Closed form without dampers, with λ = √(k/m) and Δ = (μ_s − μ_k)F_N/k: the spring's stretch falls by 2Δ within
-/// (2/λ)(π − arctan(λΔ/v)), over which the tip moves 2Δ + vT along the surface.
+/// Closed form without dampers, with ω = √(k/m) and Δ = (μ_s − μ_k)F_N/k: the spring's stretch falls by 2Δ within
+/// T = (2/ω)(π − arctan(ωΔ/v)), in which the tip slips by 2Δ + vT over the surface.
 fn spring_slider(scheme: Scheme) -> Vec<Measured> {
     let cycle = Slider::new(scheme, 8000.0).first_slip();
     let [drop, time, way] = cycle.map_or([f64::NAN; 3], |slip| {
@@ -381,7 +382,7 @@ fn spring_slider(scheme: Scheme) -> Vec<Measured> {
     [("drop of the stretch", drop), ("slip time", time), ("slip distance", way)]
         .map(|(name, ratio)| {
             Measured::at_most(
-                format!("spring and slider: {name} off the closed form"),
+                format!("spring and slider: deviation of the {name} from the closed form"),
                 "%",
                 2.0,
                 100.0 * (ratio - 1.0).abs(),
@@ -395,7 +396,7 @@ const STIFFNESS: f64 = 100.0;
 /// Speed of the tip, m/s.
 const DRAW: f64 = 1e-3;
 
-/// One free node on a spring along x and one along z, under a tip that draws along x.
+/// One free node on a spring along x and one along z, under a tip that drags it along x.
 struct Slider {
     local: LocalSimulation,
     tick_s: f64,
@@ -411,7 +412,7 @@ struct Slip {
 
 impl Slider {
     fn new(scheme: Scheme, rate_hz: f64) -> Self {
-        // The free corner of a large triangle: 1 mm beside it, the others carry a thousandth of the contact point each.
+        // The tip is 1 mm beside the free corner of a triangle of 1 m, whose other corners weigh a thousandth each.
         let mesh = Mesh {
             nodes: vec![Vec3::zeros(), Vec3::x(), Vec3::y(), -Vec3::z()],
             edges: vec![[0, 1], [0, 3]],
@@ -421,7 +422,7 @@ impl Slider {
         let material = Material::uniform(4, MASS, STIFFNESS, 0.0);
         let network = Network::new(&mesh, &material, vec![false, true, true, true])
             .unwrap_or_else(|_| unreachable!("a value for each of four nodes"));
-        let surface = Surface::new(&mesh).unwrap_or_else(|_| unreachable!("a value for each of four nodes"));
+        let surface = Surface::new(&mesh).unwrap_or_else(|_| unreachable!("a tetrahedron has a closed surface"));
         let surface = SurfaceModel::faceted(Arc::new(surface));
         let mut builder = LocalModelBuilder::new(&network, surface.clone(), LocalSettings::FULL);
         let built = builder.build(&network, &network.rest_state(), Vec3::zeros(), None);
@@ -432,7 +433,7 @@ impl Slider {
         Self { local: LocalSimulation::new(rules, tick_s, surface, model, state), tick_s }
     }
 
-    /// Presses 1 mm deep and draws until the first slip has ended.
+    /// Presses 1 mm deep and drags until the first slip has ended; `None` if it has not within 5 s, or contact is lost.
     fn first_slip(mut self) -> Option<Slip> {
         let mut tip = Vec3::new(1e-3, 1e-3, 5e-4);
         let mut step = |local: &mut LocalSimulation, by: Vec3| {

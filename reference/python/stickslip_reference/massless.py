@@ -1,8 +1,8 @@
-"""One local tick of the massless scheme: the mesh follows the tip, and the instrument feels the forces without the inertia
-of the contact point.
+"""One local tick of the massless scheme: the contact point follows the tip, and the instrument feels the internal forces
+without the inertia of the contact point.
 
-The mesh moves as under the velocity scheme. What the instrument feels, and whether the contact pulls, sticks or slips, is
-asked of the forces at the state in which the tick ends.
+The mesh moves as under the velocity scheme. The forces at the tick's end give the force on the instrument, and decide
+whether the contact is under tension, sticks or slips.
 """
 
 from dataclasses import dataclass, replace
@@ -15,16 +15,18 @@ from .velocity import Response, linear_step, predict
 
 @dataclass(frozen=True)
 class Hold:
-    """What the contact holds of its point in a tick: everything, or only the way along n."""
+    """Directions in which the contact point follows the tip in a tick: all of them, or only the normal."""
 
     everything: bool
     impulse: np.ndarray  # on the mesh, N s
-    stops: float = np.inf  # the friction that would stop the slip, N: more is not felt
+    stops: float = np.inf  # the friction that stops the slip within the tick, N; the instrument feels no more
 
 
 def advance(model, surface, options, state, q0, q1, h, elapsed, tip_velocity=None):
-    """One tick, as `velocity.advance`. The velocity of the tip at the tick's end is given by an instrument that estimates
-    one; otherwise it is that of the way which the contact point is taken. `Result` has the kinetic energy of what is held, and what of it changed hands."""
+    """One tick, with the arguments of `velocity.advance`. An instrument that estimates the tip's velocity at the tick's end
+    gives it as `tip_velocity`, m/s; otherwise it follows from the displacement of the contact point. `Result` has the
+    kinetic energy of the contact point along the held directions, and its changes that no work explains, J.
+    """
     step = linear_step(model, h)
     predicted = predict(model, step, state, h, elapsed)
     before = state.contact.kinetic if state.contact else 0.0
@@ -39,7 +41,7 @@ def advance(model, surface, options, state, q0, q1, h, elapsed, tip_velocity=Non
         after, report = rigid_tick(surface, options, predicted, point, normal, state.x, q0, q1, h)
         return after, replace(report, exchanged=let_go)
 
-    # The mesh follows the tip along what is held.
+    # The contact point follows the tip along the held directions.
     response = Response(model, step, nodes, weights, h)
     drift = weights @ predicted.v[nodes]
     r = (q1 - surface.position(point, state.x)) / h - drift
@@ -79,19 +81,19 @@ def across(vector, normal):
 
 
 def choose(options, contact, G, r, u, normal, h):
-    """The Hold of a tick, before its forces are known."""
+    """The Hold of a tick, chosen before the forces at its end are known."""
     everything = Hold(True, np.linalg.solve(G, r))
     sliding = Hold(False, (normal @ r) / (normal @ G @ normal) * normal)
     if options.law == "sliding":
         return sliding
-    # A contact after rigid ones has no force and no slip to remember either.
+    # A contact that was rigid has no force and no slip to remember either.
     taken_again = contact is not None and (contact.tension or (contact.mode != "stick" and contact.u is None))
     if options.law == "sticking":
         slides = contact is not None and (taken_again or (contact.mode == "slip" and not u @ contact.u <= 0.0))
         return sliding if slides else everything
     if contact is None or (contact.mode == "stick" and not contact.tension):
         return everything
-    # Slip, from the friction of the tick before: as much of it as does not turn the slip round.
+    # Slip, with the friction of the tick before, but no more than stops it.
     stops = across(np.linalg.solve(G, (normal @ r) * normal + u), normal)
     needed = np.linalg.norm(stops)
     friction = h * options.friction.kinetic * ((0.0 if taken_again else contact.normal_force) + options.adhesion)
@@ -107,7 +109,7 @@ def choose(options, contact, G, r, u, normal, h):
 
 
 def felt(options, hold, multiplier, u, normal):
-    """Mode and force on the instrument, N, from the forces at the tick's end; mode "tension" where the contact lets go."""
+    """Mode and force on the instrument, N, from the forces at the tick's end; mode "tension" where F_N <= -A."""
     normal_force, tangential = multiplier @ normal, across(multiplier, normal)
     if normal_force <= -options.adhesion:
         return "tension", np.zeros(3)

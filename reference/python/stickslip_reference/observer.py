@@ -8,8 +8,8 @@ from collections import deque
 
 import numpy as np
 
-LONGEST = 0.02  # s: of the window, and the time in which an angle goes back to its reading
-ROUND_OFF = 1e-9  # of a count, by which a line may miss a reading a count away
+LONGEST = 0.02  # s: longest window, and the time constant by which an angle relaxes to its reading
+ROUND_OFF = 1e-9  # of a count, so that a line which misses a reading by exactly a count passes
 
 
 class Observer:
@@ -31,7 +31,8 @@ class Observer:
 
 
 def steepness(past, count):
-    """Per tick, the slope to the oldest of the readings, newest first, on which a line within a count of all between ends."""
+    """Slope, rad per tick, of the longest line from the newest reading to an older one that passes all readings between
+    within a count. `past` has the newest first."""
     count = count * (1.0 + ROUND_OFF)
     least, most = -np.inf, np.inf
     accepted = past[0] - past[1]

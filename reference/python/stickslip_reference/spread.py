@@ -1,9 +1,10 @@
 """A contact spread over the surface within a radius: its weights on the rest surface, and the surface that is then felt.
 
-The pressure is sqrt(1 - |y - p|^2 / a^2) over the part of the rest surface within the distance a of its point p that hangs
-together with p. The weights are integrals of the surface's basis functions times it. The surface is taken as flat facets, on
-which the basis functions are polynomials and the part within a is a disc cut by three lines. The integral over it is a signed
-sum of three, one for each side: over the triangle between the disc's centre and the side, cut by the circle.
+The pressure is sqrt(1 - |y - p|^2 / a^2) over the part of the rest surface that is within the distance a of its point p and
+connected to p there. The weights are integrals of the surface's basis functions times the pressure. The surface is divided
+into flat facets, on which the basis functions are polynomials and the part within a is a disc cut by three lines. The integral
+over a facet is a signed sum of three, one for each side: over the triangle between the disc's centre and the side, cut by the
+circle.
 """
 
 from dataclasses import dataclass
@@ -47,8 +48,8 @@ class Spread:
 class FeltSurface(LimitSurface):
     """p = s_rest + sum w_i (x_i - x_rest,i) over points of the rest surface, `faceted` or the limit surface.
 
-    Points are control triangles and barycentrics, as on the surface beneath. The nearest point is found by Gauss and Newton's
-    method. A crease that the rest surface has is crossed, but not followed.
+    Points are control triangles and barycentrics, as on the surface beneath. The nearest point is found by the
+    Gauss-Newton method, which crosses a crease of the rest surface but does not follow it.
     """
 
     def __init__(self, kind, triangles, rest, radius):

@@ -1,4 +1,4 @@
-"""The massless scheme: what its mesh does, what the instrument feels, and its books of energy."""
+"""The massless scheme: what its mesh does, what the instrument feels, and its energy balance."""
 
 from types import SimpleNamespace
 
@@ -60,7 +60,7 @@ def drag(law, surface="subdivision", rate=1000.0, path=np.array(WAYPOINTS), loca
 
 
 def held(tick):
-    """Whether the contact point was held in all directions: a state of the tick's end that tells it."""
+    """Whether the contact point was held in all directions: at the tick's end it is then at the tip."""
     return np.abs(tick.surface.position(tick.report.point, tick.after.x) - tick.q1).max() <= PLACE_TOLERANCE
 
 
@@ -297,7 +297,7 @@ def rubbed(ticks, h):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_energy_balance_closes_with_the_tick(within, law):
-    """Stored + dissipated - work = contact_kinetic + contact_exchange, impact, slips and hops included: halves with h."""
+    """Stored + dissipated - work = contact_kinetic + contact_exchange, with impact, slips and lost contacts: the residual halves with h."""
     open_ = []
     for rate in (1000.0, 2000.0, 4000.0):
         read, network, result, ticks = drag(law, rate=rate, material={"node_mass": 0.01})

@@ -256,7 +256,7 @@ def test_plant_against_hamiltons_equations(within):
 
 
 def test_energy_without_losses_stays(within):
-    """Device and hand exchange it; what the device's book says the hand got is what the hand has more."""
+    """Device and hand exchange it: the energy that the device counts as the hand's is what the hand has gained."""
     device, hand = parts(LOSSLESS | {"substeps": 40}, {"stylus_damping": [0.0] * 3, "arm_damping": [0.0] * 3})
     plant = Plant(device, hand, np.array([[0.0, 0.01, 0.02, -0.01]]))
     target = plant.target(0.0)

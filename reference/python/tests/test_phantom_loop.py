@@ -84,7 +84,7 @@ def test_a_coupling_at_rest_passes_the_force_on(within):
 
 
 def test_passivity_control_damps_what_is_missing(within):
-    """The book counts what was held; while it is below zero, the damper's work along the motion is what is missing."""
+    """The balance counts the forces as they were held; while it is below zero, the damper's work restores what is missing."""
     rng = np.random.default_rng(3)
     control, book, held, changed = PassivityControl(), 0.0, np.zeros(3), 0
     # A tip that wanders, so that a damper meets the motion it was made for; at rest every seventh tick.
@@ -159,7 +159,7 @@ def test_forces_and_work_without_coupling(direct, within):
 
 
 def test_a_coupled_passive_smoothed_run(within):
-    """The contact sees the coupling's mass, the force commanded is the coupling's, damped; its book stays above 0."""
+    """The contact sees the coupling's mass, the force commanded is the coupling's, damped; its energy balance stays above 0."""
     read = drag(instrument={"coupling": {"stiffness": 400.0}, "passivity_control": True, "smoothing_ticks": 5})
     _, _, columns = ran(read)
     commanded, contact = stack(columns, "fx fy fz"), stack(columns, "contact_fx contact_fy contact_fz")

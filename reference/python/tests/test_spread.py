@@ -156,7 +156,7 @@ def test_curved_parts_converge(within, monkeypatch):
 
 
 def test_only_the_connected_part_counts():
-    """A thin block: its bottom lies within the radius of the top, but does not hang together with it there."""
+    """A thin block: its bottom lies within the radius of the top, but is not connected to it there."""
     network = net.block(scene(mesh={"nodes": [9, 9, 2], "spacing": 0.004}))
     surface = FeltSurface("faceted", network.triangles, network.nodes, 0.006)
     for point in top_points(network, 0.004, 5):

@@ -1,4 +1,4 @@
-"""The velocity scheme: what its constraint promises, tick by tick, and its books of momentum and energy."""
+"""The velocity scheme: what its constraint promises, tick by tick, and its balances of momentum and energy."""
 
 import dataclasses
 from types import SimpleNamespace

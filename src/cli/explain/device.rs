@@ -37,17 +37,17 @@ pub struct DeviceFacts {
 struct ContactFacts {
     /// Mass under the tip m_c, kg.
     mass_kg: f64,
-    /// The same over the device's apparent mass along the normal.
+    /// Mass under the tip over the device's apparent mass along the normal.
     mass_ratio: f64,
     stiffness_n_per_m: f64,
     damping_n_s_per_m: f64,
     newtons_per_count: f64,
-    /// How that follows.
+    /// Formula of `newtons_per_count` and its cause, for people.
     because: &'static str,
 }
 
-/// Force of one encoder count above which a run warns, N: twice the friction of the PHANTOM at the tip, which hides what
-/// is smaller.
+/// Force of one encoder count above which `explain` and `run` warn, N: 2.5 times the backdrive friction of the PHANTOM,
+/// 0.04 N at the tip, which masks smaller forces.
 const LOUD_COUNT_N: f64 = 0.1;
 
 impl ContactFacts {
@@ -85,8 +85,8 @@ impl ContactFacts {
     fn warning(&self) -> Option<String> {
         (self.newtons_per_count > LOUD_COUNT_N).then(|| {
             format!(
-                "one encoder count commands {:.2} N ({}): the loop may buzz while the hand holds still; \
-                 `contact.scheme = \"massless\"` lets the instrument feel no inertia of the contact point",
+                "one encoder count commands {:.2} N ({}): the device may vibrate in a hand that holds still; \
+                 `contact.scheme = \"massless\"` with `instrument.device.tip = \"observed\"` avoids it",
                 self.newtons_per_count, self.because
             )
         })
@@ -128,7 +128,7 @@ impl DeviceFacts {
         })
     }
 
-    /// Returns the warnings: of an encoder count that commands too much, and of a wall stiffness beyond both bounds.
+    /// Returns the warnings: of an encoder count that commands more than 0.1 N, and of a wall stiffness beyond both bounds.
     pub fn warnings(&self) -> impl Iterator<Item = String> {
         self.count_warning().into_iter().chain(self.wall_warning())
     }

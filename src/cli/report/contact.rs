@@ -37,8 +37,8 @@ pub fn section(rows: &[LimitRow]) -> Markup {
         p {
             "The massless scheme over the limit surface is within " (held(2)) " of " (rows.len()) " limits, the velocity \
              scheme over it within " (held(1)) ", the paper's contact within " (held(0)) ". ✗: beyond the limit; –: the \
-             run ended with a fault, or never came to the event. Drags run the whole network; the modelled hand holds \
-             the PHANTOM and presses 0.7 N."
+             run ended with a fault, or the event did not occur. Drags run the whole network; the modelled hand holds \
+             the PHANTOM and presses with 0.7 N."
         }
         details open {
             summary { "Quantities, limits and values" }

@@ -6,15 +6,15 @@
 //! its first reading to its last passes all readings within one count: long at rest, short in fast motion. It needs no
 //! model of the hand, as a Kalman filter would, and its noise at rest is one count over the longest window.
 //!
-//! *Angles.* A reading says only that the joint is within half a count of it. The estimate moves on at the estimated rate,
-//! relaxes towards the reading over the longest window, and is kept within one count of it. A joint near the boundary
-//! between two counts makes the encoder jump back and forth; the estimate then stays between the two, and does not jump.
-//! It is never further from the joint than a count and a half.
+//! *Angles.* A reading says only that the joint is within half a count of it. The estimate advances at the estimated rate,
+//! relaxes towards the reading with the longest window as its time constant, and is kept within one count of it. A joint
+//! near the boundary between two counts makes the encoder jump back and forth; the estimate then stays between the two,
+//! and does not jump. It is never further from the joint than a count and a half.
 
 use crate::Vec3;
 
-/// Longest window, s. At rest the velocity of one count at the tip is then below 1.5 mm/s; in slow motion the estimate is
-/// half of this late. 20 ms is a tenth of the time in which a hand changes its aim.
+/// Longest window, s. One count of 0.03 mm at the tip then gives a velocity of 1.5 mm/s at rest; in slow motion the rate is
+/// late by half the window. 20 ms is a tenth of the time in which a hand changes its aim.
 pub const LONGEST_WINDOW_S: f64 = 0.02;
 
 /// Round-off of a difference of readings, relative to a count: 1e4 counts at most, with 1e-16 each, leave 1e-12.
@@ -89,11 +89,11 @@ impl EncoderObserver {
         self.rates
     }
 
-    /// Slope of the longest line that fits, rad per tick.
+    /// Slope of the longest line that passes all its readings within one count, rad per tick.
     fn slope(&self, joint: usize) -> f64 {
         let length = self.readings.len();
         let now = self.readings[self.latest][joint];
-        // Readings are whole counts, to round-off: a difference of just one count fits.
+        // Readings are whole counts to round-off: a line that misses one by exactly a count has to pass.
         let count = self.count[joint] * (1.0 + ROUND_OFF);
         // Slopes of lines from the latest reading that pass all readings so far within a count.
         let (mut least, mut most) = (f64::NEG_INFINITY, f64::INFINITY);

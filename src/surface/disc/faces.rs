@@ -1,7 +1,7 @@
 //! The surface at rest as flat faces, over which the pressure is integrated in closed form.
 //!
-//! Of triangles these are the triangles themselves, with their hat functions. Triangles of a limit surface are divided into
-//! n × n faces with their corners on it; between the corners its basis functions are interpolated.
+//! On a faceted or shaded surface these are its triangles, with their hat functions. Each triangle of a limit surface is
+//! divided into n² faces with their corners on the surface, between which its basis functions are interpolated.
 
 use std::collections::HashMap;
 
@@ -11,15 +11,15 @@ use crate::Vec3;
 use crate::model::topology::Surface;
 use crate::surface::subdivision::LimitSurface;
 
-/// The faces of a limit surface are so many that their sides are at most this share of the radius. The weights are then
-/// within 2 % of the largest of them of those on ever more faces.
+/// Largest side of a limit surface's faces, as a share of the radius. The error of a weight is then within 2 % of the
+/// largest weight, compared with ever smaller faces.
 const SHARE_OF_RADIUS: f64 = 0.5;
-/// Least number of faces along a triangle's edge: a basis function has several triangles, and is not linear on any.
+/// Least number of faces along a triangle's edge: a basis function spans several triangles, and is linear on none.
 const LEAST_DIVISIONS: f64 = 2.0;
-/// Largest number of faces along a triangle's edge. Within a smaller disc, basis functions are nearly linear.
+/// Largest number of faces along a triangle's edge. Over a disc that would need more, basis functions are nearly linear.
 const MOST_DIVISIONS: usize = 8;
-/// Largest distance of a face's middle from the limit surface, as a share of the radius: squared, it is what the kernel
-/// lacks there.
+/// Largest distance of a face's middle from the limit surface, as a share of the radius. Its square, 1 %, is the error of
+/// 1 − |y − P|²/a² at P.
 const LARGEST_SAG: f64 = 0.1;
 
 /// No face across an edge.

@@ -1,10 +1,10 @@
 //! Contact over a disc instead of a point: the weights of a Hertzian pressure, and the surface that is felt under it.
 //!
-//! A point has no limit as the mesh becomes finer, since the stiffness under it vanishes with the spacing. The pressure of a
-//! rigid sphere, √(1 − |y − P|²/a²) around a point P of the surface at rest, spreads the contact over a radius a that does
-//! not depend on the mesh. Its weights are wᵢ ∝ ∫ φᵢ √(1 − |y − P|²/a²) dA with φᵢ the surface's basis functions and
-//! Σ wᵢ = 1, over the part of the surface at rest that is connected to P within the distance a. They depend on the location
-//! alone, so that W still is nodes and weights.
+//! Contact at a point does not converge on finer meshes, since the stiffness under it vanishes with the spacing. The
+//! pressure of a rigid sphere, √(1 − |y − P|²/a²) around a point P of the surface at rest, spreads the contact over a radius
+//! a that does not depend on the mesh. Its weights are wᵢ ∝ ∫ φᵢ √(1 − |y − P|²/a²) dA with φᵢ the surface's basis functions
+//! and Σ wᵢ = 1, over the part of the surface at rest that is connected to P within the distance a. They depend on P alone,
+//! so that a contact remains a list of nodes and weights.
 //!
 //! The surface that is felt is p = P + Σ wᵢ (xᵢ − Xᵢ), with X the positions at rest: at rest it is the surface itself.
 
@@ -25,7 +25,7 @@ use faces::Faces;
 use neighborhood::Neighborhood;
 
 /// Largest number of vertices that the contacts of one triangle may spread over: the weights of an evaluation are on the
-/// stack.
+/// stack, 16 KiB at most.
 pub const MOST_VERTICES: usize = 512;
 /// Largest number of flat faces that the contacts of one triangle may spread over. A surface has twice as many triangles as
 /// vertices, and a subdivision surface up to 64 faces for each.
@@ -73,7 +73,7 @@ pub enum RestSurface {
 pub struct DiscSurface {
     /// Radius a, m.
     radius: f64,
-    /// Whether the body can turn, and with it the offset of the surface at rest from the mean of its vertices.
+    /// Whether the body can turn, and with it the offset of P from the weighted mean of the vertices at rest.
     turns: bool,
     topology: Arc<Surface>,
     /// Position of each vertex at rest, m.
@@ -91,7 +91,7 @@ struct Place {
     position: Vec3,
     /// Tangents ∂P/∂β and ∂P/∂γ, m.
     tangents: [Vec3; 2],
-    /// Tangents of the surface whose normal is felt, which differ if it is shaded.
+    /// Tangents perpendicular to the normal at rest, which differ from `tangents` if the surface is shaded.
     shaded: [Vec3; 2],
 }
 
@@ -102,7 +102,7 @@ pub struct Felt {
     pub position: Vec3,
     /// Tangents ∂p/∂β and ∂p/∂γ, m.
     pub tangents: [Vec3; 2],
-    /// Outward unit normal n̂. That of the surface, unless it is shaded.
+    /// Outward unit normal n̂: of the felt surface, or interpolated if it is shaded.
     pub normal: Vec3,
 }
 
@@ -258,7 +258,7 @@ impl DiscSurface {
         }
         let rotation = rotation_of(&spread);
         let stretch = rotation.transpose() * spread;
-        // (tr S − S) ω is the axial vector of RᵀdM − dMᵀR.
+        // Derivative of the polar decomposition M = RS: (tr S − S) ω is the axial vector of RᵀdM − dMᵀR, where dR = R[ω].
         let inverse = (Mat3::identity() * stretch.trace() - stretch).try_inverse().unwrap_or_else(Mat3::zeros);
         let offset = weights.place.position - rest_mean;
         let turning = Mat3::from_columns(&change.map(|change| {

@@ -1,9 +1,9 @@
 //! Integrals of a Hertzian pressure over a flat triangle, in closed form.
 //!
-//! The pressure around a point P is κ(y) = √(a² − |y − P|²), and zero beyond the distance a. In the plane of a triangle at
-//! distance d from P it is √(ρ² − r²) with ρ² = a² − d², and r the distance from the projection of P. It is the
-//! divergence of a radial field, and −κ³/3 is the potential of yκ, so that Green's theorem leaves integrals along the three
-//! edges. These are elementary: two arctangents and two square roots each.
+//! The pressure around a point P is κ(y) = √(a² − |y − P|²), without a factor that the normalisation of the weights removes,
+//! and zero beyond the distance a. In the plane of a triangle at distance d from P it is √(ρ² − r²) with ρ² = a² − d² and r
+//! the distance from the projection of P. It is the divergence of a radial field, and −κ³/3 is the potential of yκ, so that
+//! Green's theorem leaves integrals along the three edges. Each takes two arctangents and two square roots.
 
 use crate::Vec3;
 
@@ -25,7 +25,7 @@ struct Edge {
 /// ```
 /// use stickslip::{Vec3, surface::disc::moments::Face};
 ///
-/// // A disc of 2 mm well inside a large triangle: the whole hemisphere, ⅔πa³, and no drift of its sum.
+/// // A disc of 2 mm well inside a large triangle: the whole hemisphere, ⅔πa³, centred on P.
 /// let face = Face::new([Vec3::zeros(), Vec3::x() * 0.02, Vec3::y() * 0.02]);
 /// let moments = face.moments(Vec3::new(0.005, 0.004, 0.0), 0.002).expect("it is within reach");
 /// let sum: f64 = moments.hats.iter().map(|hat| hat.integral).sum();
@@ -143,8 +143,8 @@ impl Edge {
         let (h, ends) = (distance, [start, start + self.length]);
         let half_chord_squared = rho * rho - h * h;
         let nearest = 0.0_f64.clamp(ends[0], ends[1]);
-        // Pressures at the ends, the turn of the edge as seen from the centre less its part within the disc (where the field
-        // differs from that outside), and the angle asin(s/c) of the chord.
+        // Pressures at the ends; the angle that the edge subtends at the centre, less a part within the disc, where the
+        // radial field differs from that outside; and the angle asin(s/c) along the chord of half length c.
         let (kappa, turn, chord) = if half_chord_squared > 0.0 {
             let kappa = ends.map(|s| (half_chord_squared - s * s).max(0.0).sqrt());
             let turn = |k: usize| {

@@ -9,7 +9,7 @@ use crate::Vec3;
 /// No face across an edge, or one out of reach.
 const BEYOND: u16 = u16::MAX;
 
-/// Divisions of a triangle's edges by which the region of its contact points is sampled.
+/// Least number of divisions of a triangle's edges, at whose points the region of its contact points is sampled.
 const SAMPLES: usize = 6;
 /// Largest distance of a point of a triangle from the nearest corner, as a share of the longest edge: 1/√3.
 const FARTHEST: f64 = 0.578;
@@ -36,8 +36,8 @@ pub struct NearFace {
 }
 
 impl Neighborhood {
-    /// Collects the faces around a triangle, outwards over shared edges. It may find more than an integration takes; the caller
-    /// refuses them.
+    /// Collects the faces around a triangle, outwards over shared edges. They may be more than [`integrate`](Self::integrate)
+    /// has room for, [`MOST_FACES`]: the caller refuses such a radius.
     pub fn new(faces: &Faces, triangle: u32, radius: f64) -> Self {
         let own = faces.divisions * faces.divisions;
         let first = triangle as usize * own;
@@ -115,7 +115,7 @@ impl Neighborhood {
     }
 }
 
-/// Where the centres of a triangle's discs may be, by samples.
+/// Samples of the points of a triangle, at which the centres of its discs may be.
 struct Region {
     samples: Vec<Vec3>,
     /// Distance of an edge from a sample within which a disc may reach it, m.

@@ -60,10 +60,11 @@ impl Push {
     }
 }
 
-/// Normal stiffness F/d over that of the half-space, on a layer bonded to rigid ground, for χ = a/H, with its depth H; for a
+/// Normal stiffness F/d on a layer of depth H bonded to rigid ground, over that on the half-space, for χ = a/H and a
 /// Poisson's ratio of 1/4. The ground adds (1 − ν²)F/(πE) (α₀/H + β₀r²/H³) to the displacement at the distance r from a
 /// point force, with α₀ and β₀ by E. K. Dimitriadis and others, Biophys. J. 82, 2002. Of two points under the pressure the mean
-/// of r² is 4a²/5. (Their 1 + 0.853χ + … is F over δ^(3/2) for a sphere, whose disc grows, with χ from √(Rδ).)
+/// of r² is 4a²/5. Their series 1 + 0.853χ + … is another factor: that of F/δ^(3/2) for a sphere, whose disc grows with the
+/// depth δ, with χ = √(Rδ)/H.
 pub fn layer_factor(chi: f64) -> f64 {
     let nu = POISSON_RATIO;
     let alpha = -(1.2876 - 1.4678 * nu + 1.3442 * nu * nu) / (1.0 - nu);
