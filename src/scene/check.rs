@@ -154,6 +154,9 @@ fn contact(scene: &Scene) -> Checked {
         }
     }
     let adhesion_n = scene.contact.adhesion_n;
+    if matches!(scene.contact.law, Law::Own(_)) && adhesion_n != 0.0 {
+        return Err(Problem::NoEffect { key: "contact.adhesion", because: "a custom contact law, which has its own" });
+    }
     if !(adhesion_n == f64::INFINITY && scene.contact.law == Law::Sticking) {
         non_negative("contact.adhesion", adhesion_n)?;
     }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
+use super::residual::{larger, largest};
 use super::surfaces::whole;
 use crate::Vec3;
 use crate::contact::law::{Friction, Law, Mode};
@@ -166,7 +167,7 @@ fn record(scene: &Scene) -> Result<ForceRecord, RunError> {
         if begun && (view.tick + 1) % ticks_per_ms == 0 {
             record.each_ms.push(view.force);
         }
-        record.peak = record.peak.max(view.force.norm());
+        record.peak = larger(record.peak, view.force.norm());
         let change = (view.force - last).norm();
         // A tip that meets the surface takes its contact point from rest to its own velocity.
         let jump = match (speed, view.report.collision_time) {
@@ -175,7 +176,7 @@ fn record(scene: &Scene) -> Result<ForceRecord, RunError> {
             (None, None) => Vec3::zeros(),
         };
         let damped = if jump.norm() > 0.0 { damper_force(view, jump, follows_normal) } else { 0.0 };
-        record.change = record.change.max(change - damped);
+        record.change = larger(record.change, change - damped);
         (last, speed) = (view.force, Some(velocity));
         record.energy_residual = view.energy.residual() / view.energy.absolute_work;
         record.assist_ticks = view.energy.friction_assist_ticks as f64;
@@ -220,10 +221,10 @@ fn over_rates(drag: &str, surface: ContactSurface, scheme: Scheme, length: Lengt
         .windows(2)
         .map(|pair| {
             let both = pair[0].each_ms.iter().rev().zip(pair[1].each_ms.iter().rev());
-            both.map(|(coarse, fine)| (coarse - fine).norm() / peak).fold(0.0, f64::max)
+            largest(both.map(|(coarse, fine)| (coarse - fine).norm() / peak))
         })
         .collect();
-    let largest = differences.iter().copied().fold(0.0, f64::max);
+    let furthest = largest(differences.iter().copied());
     let order = (differences[0] / differences[differences.len() - 1]).log2() / (differences.len() - 1) as f64;
     let of = |index: usize| &records[index];
     let fine = factors.iter().position(|&factor| factor == 8).unwrap_or(factors.len() - 1);
@@ -234,7 +235,7 @@ fn over_rates(drag: &str, surface: ContactSurface, scheme: Scheme, length: Lengt
             format!("{drag}: largest difference of the force over the peak, rates doubled from 1 to {highest_khz} kHz"),
             "%",
             3.0,
-            valid(100.0 * largest),
+            valid(100.0 * furthest),
         ),
         Measured {
             is_least: true,
@@ -325,7 +326,7 @@ fn held_still(surface: ContactSurface, scheme: Scheme, length: Length) -> Result
             let (Some(device), true) = (view.device, view.time > SETTLED_S) else { return };
             (least, most) = (least.inf(&view.force), most.sup(&view.force));
             let start = *start_j.get_or_insert(device.energy_to_hand_j);
-            largest_j = largest_j.max(device.energy_to_hand_j - start);
+            largest_j = larger(largest_j, device.energy_to_hand_j - start);
         })?;
         let valid = |value: f64| if completed { value } else { f64::NAN };
         let khz = rate_hz * 1e-3;

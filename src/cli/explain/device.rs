@@ -51,7 +51,11 @@ struct ContactFacts {
 const LOUD_COUNT_N: f64 = 0.1;
 
 impl ContactFacts {
+    /// Returns `None` where nothing can move, or a virtual coupling stands between the encoders and the contact.
     fn new(scene: &Scene, simulation: &Simulation) -> Option<Self> {
+        if matches!(&scene.instrument, InstrumentKind::Phantom(settings) if settings.coupling.is_some()) {
+            return None;
+        }
         let (local, device) = (simulation.local(), simulation.device()?.phantom());
         let point = local.shape().nearest(scene.path.at(0.0))?;
         let Impedance { mass_kg, stiffness_n_per_m, damping_n_s_per_m } = Impedance::at(local, &point);
