@@ -158,8 +158,10 @@ fn the_energy_of_the_held_point_closes_the_balance() {
 /// Turning and moving a body, its tip and its path turns the forces with them, under every scheme, law and surface.
 #[test]
 fn a_turned_and_moved_scene_turns_its_forces() {
-    // Round-off of positions of up to 0.4 m, in strains of a few percent and over 300 ticks. Measured: 2e-12.
-    let turned = Worst::new("turned and moved scene", "force, turned back, N", 1e-9);
+    // Round-off of positions of up to 0.4 m, times the stiffness around the contact point. Measured: 1.8e-12.
+    let turned = Worst::new("turned and moved scene", "force, turned back, N", 1e-11);
+    // The velocity scheme multiplies it by m_c/h², 4e4 N/m. Measured: 1.6e-11.
+    let of_impulses = Worst::new("turned and moved scene", "force of the velocity scheme, turned back, N", 5e-11);
     let rotation = Rotation3::from_euler_angles(0.7, -0.4, 1.9);
     let offset = Vec3::new(0.3, -0.1, 0.2);
     let laws = [(Law::Sliding, 0.0), (Law::Sticking, f64::INFINITY), (Law::StickSlip { friction: 0.5.into() }, 0.0)];
@@ -194,8 +196,7 @@ fn a_turned_and_moved_scene_turns_its_forces() {
                 );
                 let off = plain.iter().zip(&other).map(|(one, two)| (rotation.inverse() * two - one).norm());
                 let worst = off.fold(0.0, |worst: f64, off| if off <= worst { worst } else { off });
-                println!("{scheme:?} {law:?} {surface:?}: {worst:e}");
-                turned.check(worst);
+                if scheme == Scheme::Velocity { of_impulses.check(worst) } else { turned.check(worst) }
             }
         }
     }
