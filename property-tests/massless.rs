@@ -201,3 +201,31 @@ fn a_turned_and_moved_scene_turns_its_forces() {
         }
     }
 }
+
+/// A device's contact sees the observed tip under the massless scheme, also where a scene is built or changed in Rust, and
+/// the quantised one under the others; its settings decide if they say.
+#[test]
+fn the_scheme_decides_which_tip_contact_sees() {
+    use stickslip::device::instrument::InstrumentKind;
+    use stickslip::device::phantom::TipSensing::{Observed, Quantised};
+    use stickslip::pipeline::Simulation;
+    use stickslip::verify::contact_limits::by_hand;
+
+    let base =
+        by_hand(ContactSurface::Subdivision, Scheme::Velocity, 1000.0, 0.0, 0.1).expect("a whole number of ticks");
+    for (scheme, given, seen) in [
+        (Scheme::Massless, None, Observed),
+        (Scheme::Massless, Some(Quantised), Quantised),
+        (Scheme::Velocity, None, Quantised),
+        (Scheme::default(), Some(Observed), Observed),
+    ] {
+        let mut scene = base.clone().with_scheme(scheme);
+        if let InstrumentKind::Phantom(settings) = &mut scene.instrument {
+            settings.phantom.sensing = given;
+        }
+        let simulation = Simulation::prepare(&scene).expect("it starts outside");
+        let device = simulation.device().expect("a device").phantom();
+        assert_eq!(device.settings().sensing, Some(seen), "{scheme:?} {given:?}");
+        assert_eq!(device.observed_velocity().is_some(), seen == Observed);
+    }
+}

@@ -295,7 +295,7 @@ impl Simulation {
 
         let instrument = match own.instrument {
             Some(instrument) => InstrumentInUse::Own(instrument),
-            None => InstrumentInUse::new(&scene.instrument, &scene.path, scene.tick_s())?,
+            None => InstrumentInUse::new(&scene.instrument_in_use(), &scene.path, scene.tick_s())?,
         };
         let smoothing = HandOverSmoothing::new(scene.smoothing_ticks);
         let tip = instrument.start();

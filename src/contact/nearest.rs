@@ -75,6 +75,19 @@ pub fn nearest_on_triangle([a, b, c]: [Vec3; 3], q: Vec3) -> ([f64; 3], Feature)
     ([1.0 - beta - gamma, beta, gamma], Feature::Face)
 }
 
+/// Distance of q from its nearest point, m, negative on the side away from `outwards`; NaN if that side is not a number.
+pub(super) fn signed(q: Vec3, nearest: Vec3, outwards: Vec3) -> f64 {
+    let offset = q - nearest;
+    let side = offset.dot(&outwards);
+    if side > 0.0 {
+        offset.norm()
+    } else if side <= 0.0 {
+        -offset.norm()
+    } else {
+        f64::NAN
+    }
+}
+
 #[derive(Debug, Clone, Copy)]
 struct Nearest {
     distance_squared: f64,
@@ -164,15 +177,7 @@ impl Shape<'_> {
                 surface.incident(vertex).iter().map(|&t| self.unit_face_normal(t) * self.angle(t, vertex)).sum()
             }
         };
-        let offset = q - nearest.point.position(self.corners(triangle));
-        let side = offset.dot(&normal);
-        if side > 0.0 {
-            offset.norm()
-        } else if side <= 0.0 {
-            -offset.norm()
-        } else {
-            f64::NAN
-        }
+        signed(q, nearest.point.position(self.corners(triangle)), normal)
     }
 
     /// Unit normal of a face; zero for a triangle without area, which then adds nothing to a pseudonormal.

@@ -4,6 +4,7 @@
 //! which the tip is; and the time at which the tip passes inwards.
 
 use super::collision::{Collision, START_TOLERANCE};
+use super::nearest::signed;
 use super::shape::{Projection, Shape};
 use crate::Vec3;
 use crate::surface::disc::{DiscSurface, DiscWeights, Felt};
@@ -366,19 +367,6 @@ const ROUND_OFF: f64 = 16.0 * f64::EPSILON;
 
 /// Direction ∂(β, γ) along the edge opposite each corner.
 const EDGE_DIRECTIONS: [[f64; 2]; 3] = [[-1.0, 1.0], [0.0, 1.0], [1.0, 0.0]];
-
-/// Distance of q from its nearest point, m, negative on the side away from `outwards`.
-fn signed(q: Vec3, nearest: Vec3, outwards: Vec3) -> f64 {
-    let offset = q - nearest;
-    let side = offset.dot(&outwards);
-    if side > 0.0 {
-        offset.norm()
-    } else if side <= 0.0 {
-        -offset.norm()
-    } else {
-        f64::NAN
-    }
-}
 
 /// Time τ, and the signed distance of the tip at that time, m.
 type Moment = (f64, f64);

@@ -9,6 +9,7 @@ use crate::contact::law::Law;
 use crate::contact::rules::{ContactRules, Scheme, Wall};
 use crate::device::instrument::InstrumentKind;
 use crate::device::path::TipPath;
+use crate::device::phantom::TipSensing;
 use crate::dynamics::constraint::Threads;
 use crate::local::model::LocalSettings;
 use crate::local::step::LocalIntegrator;
@@ -190,6 +191,19 @@ impl Scene {
     /// Sets the radius of the disc over which a contact is spread, m; 0 for a point.
     pub fn with_contact_radius(self, radius: f64) -> Self {
         Self { contact_radius: radius, ..self }
+    }
+
+    /// Returns the instrument, with the tip that contact sees: where the device's settings leave it open, the observed one
+    /// under the massless scheme, whose dampers would feel every encoder count, and the quantised one under the others.
+    pub fn instrument_in_use(&self) -> InstrumentKind {
+        let mut kind = self.instrument.clone();
+        if let InstrumentKind::Phantom(settings) = &mut kind {
+            settings.phantom.sensing.get_or_insert(match self.contact.scheme {
+                Scheme::Geometric { .. } | Scheme::Velocity => TipSensing::Quantised,
+                Scheme::Massless => TipSensing::Observed,
+            });
+        }
+        kind
     }
 
     /// Sets the instrument and its path. The number of ticks stays.

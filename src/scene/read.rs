@@ -21,7 +21,6 @@ use super::words::{LawName, LocalModelName, SchemeName};
 use super::{DEFAULT_GLOBAL_RATE_HZ, DEFAULT_LOCAL_RATE_HZ, Scene, Schedule, check};
 use crate::contact::law::{Friction, Law};
 use crate::contact::rules::{ContactRules, Scheme, Wall};
-use crate::device::phantom::TipSensing;
 
 type Read<T = ()> = Result<T, Problem>;
 
@@ -86,11 +85,7 @@ fn assemble(file: SceneFile, folder: &Path) -> Read<Scene> {
     if is_full {
         no_effect("instrument.smoothing_ticks", file.instrument.smoothing_ticks.is_some(), check::NO_HAND_OVERS)?;
     }
-    let sensing = match file.contact.scheme {
-        SchemeName::Geometric | SchemeName::Velocity => TipSensing::Quantised,
-        SchemeName::Massless => TipSensing::Observed,
-    };
-    let (instrument, path) = instrument::instrument(&file.instrument, folder, sensing)?;
+    let (instrument, path) = instrument::instrument(&file.instrument, folder)?;
     Ok(Scene {
         settle: file.settle.unwrap_or(false),
         global: global::global(&file)?,

@@ -122,7 +122,7 @@ pub enum SchemeName {
     Geometric,
     /// An impulse makes the contact point follow the tip.
     Velocity,
-    /// The same, without the inertia of the contact point in the force.
+    /// An impulse makes the contact point follow the tip, and the force leaves out the inertia of the contact point.
     Massless,
 }
 

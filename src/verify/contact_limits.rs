@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use serde::Serialize;
+use thiserror::Error;
 
 use super::residual::{larger, largest};
 use super::surfaces::whole;
@@ -13,14 +14,14 @@ use crate::contact::rules::{ContactRules, Deformation, Scheme, Wall};
 use crate::contact::simulation::LocalSimulation;
 use crate::device::coupled::CoupledSettings;
 use crate::device::instrument::InstrumentKind;
-use crate::device::path::{TipPath, Waypoint};
-use crate::device::phantom::{PhantomSettings, TipSensing};
+use crate::device::path::{PathError, TipPath, Waypoint};
+use crate::local::error::ModelError;
 use crate::local::model::{LocalModelBuilder, LocalSettings};
 use crate::model::mesh::Mesh;
-use crate::model::network::{Material, Network};
-use crate::model::topology::Surface;
+use crate::model::network::{Material, Network, NetworkError};
+use crate::model::topology::{Surface, SurfaceError};
 use crate::pipeline::{self, RunError, TickView};
-use crate::scene::Scene;
+use crate::scene::{Scene, SceneError};
 use crate::surface::geometry::{ContactSurface, SurfaceModel};
 use crate::surface::support::{Metric, Support};
 
@@ -93,7 +94,7 @@ pub struct Column(Vec<Measured>);
 ///
 /// # Errors
 /// If a scene cannot start. A fault makes a value absent.
-pub fn measure(contact: usize, length: Length) -> Result<Column, RunError> {
+pub fn measure(contact: usize, length: Length) -> Result<Column, LimitError> {
     let (_, surface, scheme) = CONTACTS[contact];
     let mut measured = Vec::new();
     for drag in ["fig3-sliding", "fig5-stick-slip"] {
@@ -101,7 +102,7 @@ pub fn measure(contact: usize, length: Length) -> Result<Column, RunError> {
     }
     measured.extend(held_still(surface, scheme, length)?);
     measured.extend(creep(surface, scheme, length)?);
-    measured.extend(spring_slider(scheme));
+    measured.extend(spring_slider(scheme)?);
     Ok(Column(measured))
 }
 
@@ -124,8 +125,35 @@ impl From<&Measured> for LimitRow {
     }
 }
 
-fn shipped(name: &str) -> Scene {
-    Scene::shipped(name).unwrap_or_else(|| unreachable!("{name} is shipped with the program"))
+/// Why a study cannot start.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum LimitError {
+    /// A drag is not among the shipped scenes.
+    #[error("there is no shipped scene {0}")]
+    NotShipped(&'static str),
+    /// A scene cannot start.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// A scene is invalid.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The hand's aim is invalid.
+    #[error(transparent)]
+    Path(#[from] PathError),
+    /// The slider's network is invalid.
+    #[error(transparent)]
+    Network(#[from] NetworkError),
+    /// The slider has no surface.
+    #[error(transparent)]
+    Surface(#[from] SurfaceError),
+    /// The slider's local model cannot be built.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+}
+
+fn shipped(name: &'static str) -> Result<Scene, LimitError> {
+    Scene::shipped(name).ok_or(LimitError::NotShipped(name))
 }
 
 /// Runs a scene, and returns whether it completed.
@@ -202,16 +230,21 @@ fn damper_force(view: &TickView, jump: Vec3, follows_normal: bool) -> f64 {
 }
 
 /// Press and drag of the whole network at rates that double: convergence of the force, its changes, energy balance.
-fn over_rates(drag: &str, surface: ContactSurface, scheme: Scheme, length: Length) -> Result<Vec<Measured>, RunError> {
+fn over_rates(
+    drag: &'static str,
+    surface: ContactSurface,
+    scheme: Scheme,
+    length: Length,
+) -> Result<Vec<Measured>, LimitError> {
     let factors: &[u32] = match length {
         Length::Whole => &[1, 2, 4, 8, 16],
         Length::Short => &[1, 2, 4],
     };
-    let base = whole(&shipped(drag), surface, scheme);
+    let base = whole(&shipped(drag)?, surface, scheme);
     let mut records = Vec::with_capacity(factors.len());
     for &factor in factors {
         let rate_hz = base.local_rate_hz() * f64::from(factor);
-        let scene = base.clone().with_local_rate_hz(rate_hz).map_err(RunError::Scene)?;
+        let scene = base.clone().with_local_rate_hz(rate_hz)?;
         records.push(record(&scene)?);
     }
     let peak = records.last().map_or(f64::NAN, |finest| finest.peak);
@@ -276,7 +309,7 @@ fn over_rates(drag: &str, surface: ContactSurface, scheme: Scheme, length: Lengt
 ///
 /// let scene = by_hand(ContactSurface::Subdivision, Scheme::Massless, 1000.0, 0.005, 10.0)?;
 /// assert_eq!(scene.tick_count(), 10_000);
-/// # Ok::<(), stickslip::RunError>(())
+/// # Ok::<(), stickslip::verify::contact_limits::LimitError>(())
 /// ```
 ///
 /// # Errors
@@ -287,32 +320,28 @@ pub fn by_hand(
     rate_hz: f64,
     aside_m: f64,
     duration_s: f64,
-) -> Result<Scene, RunError> {
-    let sensing = match scheme {
-        Scheme::Geometric { .. } | Scheme::Velocity => TipSensing::Quantised,
-        Scheme::Massless => TipSensing::Observed,
-    };
-    let phantom = PhantomSettings { sensing, ..PhantomSettings::default() };
-    let settings = CoupledSettings { phantom, ..CoupledSettings::default() };
+) -> Result<Scene, LimitError> {
+    let settings = CoupledSettings::default();
     let at = |time, x, z| Waypoint { time, position: Vec3::new(x, 0.0013, z) };
     let aim = vec![at(0.0, -0.005, 0.002), at(0.4, -0.005, -0.01), at(0.8, -0.005 + aside_m, -0.01)];
-    let path = TipPath::new(aim).unwrap_or_else(|_| unreachable!("times ascend"));
-    let scene = shipped("fig5-stick-slip").with_surface(surface).with_scheme(scheme).with_law(FIRM);
+    let path = TipPath::new(aim)?;
+    let scene = shipped("fig5-stick-slip")?.with_surface(surface).with_scheme(scheme).with_law(FIRM);
     let scene = scene.with_instrument(InstrumentKind::Phantom(Box::new(settings)), path);
-    scene.with_local_rate_hz(rate_hz).and_then(|scene| scene.with_duration_s(duration_s)).map_err(RunError::Scene)
+    Ok(scene.with_local_rate_hz(rate_hz)?.with_duration_s(duration_s)?)
 }
 
 /// Friction of the contacts under the hand: firm enough to stick.
 const FIRM: Law = Law::StickSlip { friction: Friction::single(0.5) };
 /// Distance by which the hand aims aside, m: the contact then bears 0.3 N along the surface and 0.7 N along the normal.
 const ASIDE_M: f64 = 0.0036;
-/// The same for creep, m: the contact bears 0.33 N along the surface, of the 0.35 N that friction can.
+/// Distance by which the hand aims aside in the study of creep, m: the contact then bears 0.33 N along the surface, and can
+/// bear 0.35 N.
 const ASIDE_TO_CREEP_M: f64 = 0.0054;
 /// Time after which the hand's approach has decayed, s.
 const SETTLED_S: f64 = 2.0;
 
 /// The hand holds the device still: peak to peak of the commanded force, and the net energy that the hand receives.
-fn held_still(surface: ContactSurface, scheme: Scheme, length: Length) -> Result<Vec<Measured>, RunError> {
+fn held_still(surface: ContactSurface, scheme: Scheme, length: Length) -> Result<Vec<Measured>, LimitError> {
     let duration_s = match length {
         Length::Whole => 12.0,
         Length::Short => 5.0,
@@ -347,7 +376,7 @@ fn held_still(surface: ContactSurface, scheme: Scheme, length: Length) -> Result
 }
 
 /// The hand pulls with nine tenths of the largest static friction: ticks in which the contact slips.
-fn creep(surface: ContactSurface, scheme: Scheme, length: Length) -> Result<Vec<Measured>, RunError> {
+fn creep(surface: ContactSurface, scheme: Scheme, length: Length) -> Result<Vec<Measured>, LimitError> {
     let duration_s = match length {
         Length::Whole => 62.0,
         Length::Short => 5.0,
@@ -373,14 +402,14 @@ fn creep(surface: ContactSurface, scheme: Scheme, length: Length) -> Result<Vec<
 ///
 /// Closed form without dampers, with ω = √(k/m) and Δ = (μ_s − μ_k)F_N/k: the spring's stretch falls by 2Δ within
 /// T = (2/ω)(π − arctan(ωΔ/v)), in which the tip slips by 2Δ + vT over the surface.
-fn spring_slider(scheme: Scheme) -> Vec<Measured> {
-    let cycle = Slider::new(scheme, 8000.0).first_slip();
+fn spring_slider(scheme: Scheme) -> Result<Vec<Measured>, LimitError> {
+    let cycle = Slider::new(scheme, 8000.0)?.first_slip();
     let [drop, time, way] = cycle.map_or([f64::NAN; 3], |slip| {
         let (natural, delta) = ((STIFFNESS / MASS).sqrt(), (0.6 - 0.3) * slip.normal_force / STIFFNESS);
         let time = 2.0 / natural * (std::f64::consts::PI - (natural * delta / DRAW).atan());
         [slip.drop / (2.0 * delta), slip.time / time, slip.way / (2.0 * delta + DRAW * time)]
     });
-    [("drop of the stretch", drop), ("slip time", time), ("slip distance", way)]
+    Ok([("drop of the stretch", drop), ("slip time", time), ("slip distance", way)]
         .map(|(name, ratio)| {
             Measured::at_most(
                 format!("spring and slider: deviation of the {name} from the closed form"),
@@ -389,7 +418,7 @@ fn spring_slider(scheme: Scheme) -> Vec<Measured> {
                 100.0 * (ratio - 1.0).abs(),
             )
         })
-        .into()
+        .into())
 }
 
 const MASS: f64 = 0.01;
@@ -412,7 +441,7 @@ struct Slip {
 }
 
 impl Slider {
-    fn new(scheme: Scheme, rate_hz: f64) -> Self {
+    fn new(scheme: Scheme, rate_hz: f64) -> Result<Self, LimitError> {
         // The tip is 1 mm beside the free corner of a triangle of 1 m, whose other corners weigh a thousandth each.
         let mesh = Mesh {
             nodes: vec![Vec3::zeros(), Vec3::x(), Vec3::y(), -Vec3::z()],
@@ -421,17 +450,16 @@ impl Slider {
             tetrahedra: vec![],
         };
         let material = Material::uniform(4, MASS, STIFFNESS, 0.0);
-        let network = Network::new(&mesh, &material, vec![false, true, true, true])
-            .unwrap_or_else(|_| unreachable!("a value for each of four nodes"));
-        let surface = Surface::new(&mesh).unwrap_or_else(|_| unreachable!("a tetrahedron has a closed surface"));
+        let network = Network::new(&mesh, &material, vec![false, true, true, true])?;
+        let surface = Surface::new(&mesh)?;
         let surface = SurfaceModel::faceted(Arc::new(surface));
         let mut builder = LocalModelBuilder::new(&network, surface.clone(), LocalSettings::FULL);
         let built = builder.build(&network, &network.rest_state(), Vec3::zeros(), None);
-        let (model, state) = built.unwrap_or_else(|_| unreachable!("an explicit step needs no solution"));
+        let (model, state) = built?;
         let law = Law::StickSlip { friction: Friction { static_coefficient: 0.6, kinetic_coefficient: 0.3 } };
         let rules = ContactRules { law, scheme, adhesion_n: 0.0, wall: Wall::default() };
         let tick_s = 1.0 / rate_hz;
-        Self { local: LocalSimulation::new(rules, tick_s, surface, model, state), tick_s }
+        Ok(Self { local: LocalSimulation::new(rules, tick_s, surface, model, state), tick_s })
     }
 
     /// Presses 1 mm deep and drags until the first slip has ended; `None` if it has not within 5 s, or contact is lost.

@@ -66,7 +66,7 @@ impl ContactFacts {
         let (newtons_per_count, because) = match scene.contact.scheme {
             Scheme::Velocity => (mass_kg * count_m / (h * h), "m_c Δ/h²: the contact point follows within a tick"),
             Scheme::Geometric { .. } => (elastic, "k_c Δ: the springs around the contact point"),
-            Scheme::Massless => match device.settings().sensing {
+            Scheme::Massless => match device.settings().sensing.unwrap_or_default() {
                 TipSensing::Quantised => {
                     (elastic + damping_n_s_per_m * count_m / h, "k_c Δ + c_c Δ/h: springs and dampers")
                 }
@@ -180,7 +180,7 @@ impl DeviceFacts {
             Some(CouplingFacts { stiffness_n_per_m: k, damping_n_s_per_m: b, mass_kg: m }) => {
                 format!("  coupling  {k} N/m, {b} N·s/m, {:.0} g", 1e3 * m)
             }
-            None => "  coupling  none: the contact is computed at the measured tip".to_owned(),
+            None => "  coupling  none: the contact is computed at the device's tip".to_owned(),
         });
         if let Some(contact) = &self.contact {
             lines.push(format!(

@@ -92,8 +92,8 @@ pub struct PhantomSettings {
     pub actuation: ActuationSettings,
     /// Settings of the user's hand.
     pub hand: HandSettings,
-    /// The tip that contact sees.
-    pub sensing: TipSensing,
+    /// The tip that contact sees; a scene decides by its scheme where this is `None`, and a device alone is quantised.
+    pub sensing: Option<TipSensing>,
     /// Number of integration steps per tick.
     pub substeps: u32,
 }
@@ -105,7 +105,7 @@ impl Default for PhantomSettings {
             joints: JointSettings::default(),
             actuation: ActuationSettings::default(),
             hand: HandSettings::default(),
-            sensing: TipSensing::default(),
+            sensing: None,
             substeps: 10,
         }
     }
@@ -319,7 +319,7 @@ impl Phantom {
         let measured = settings.actuation.encode(&angles);
         Ok(Self {
             measured,
-            observer: match settings.sensing {
+            observer: match settings.sensing.unwrap_or_default() {
                 TipSensing::Quantised => None,
                 TipSensing::Observed => Some(EncoderObserver::new(tick_s, settings.actuation.angle_step(), measured)),
             },

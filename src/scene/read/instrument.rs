@@ -7,24 +7,19 @@ use crate::device::coupled::CoupledSettings;
 use crate::device::coupling::CouplingSettings;
 use crate::device::instrument::InstrumentKind;
 use crate::device::path::{TipPath, Waypoint};
+use crate::device::phantom::PhantomSettings;
 use crate::device::phantom::hand::HandSettings;
-use crate::device::phantom::{PhantomSettings, TipSensing};
 use crate::scene::error::Problem;
 use crate::scene::file::{CouplingTable, DeviceTable, HandTable, InstrumentTable};
 use crate::scene::words::InstrumentName;
 use crate::{Mat3, Vec3};
 
-/// `sensing` is the tip that contact sees where the device's table does not say.
-pub(super) fn instrument(
-    table: &InstrumentTable,
-    folder: &Path,
-    sensing: TipSensing,
-) -> Read<(InstrumentKind, TipPath)> {
-    let (kind, path) = kind_and_path(table, folder, sensing)?;
+pub(super) fn instrument(table: &InstrumentTable, folder: &Path) -> Read<(InstrumentKind, TipPath)> {
+    let (kind, path) = kind_and_path(table, folder)?;
     Ok((kind, path.with_interpolation(table.interpolation.unwrap_or_default())))
 }
 
-fn kind_and_path(table: &InstrumentTable, folder: &Path, sensing: TipSensing) -> Read<(InstrumentKind, TipPath)> {
+fn kind_and_path(table: &InstrumentTable, folder: &Path) -> Read<(InstrumentKind, TipPath)> {
     match table.kind {
         InstrumentName::Path => {
             let because = "`instrument.kind = \"path\"`";
@@ -44,7 +39,7 @@ fn kind_and_path(table: &InstrumentTable, folder: &Path, sensing: TipSensing) ->
         InstrumentName::Phantom => {
             no_effect("instrument.file", table.file.is_some(), "`instrument.kind = \"phantom-1.5\"`")?;
             let settings = CoupledSettings {
-                phantom: phantom(table.device.as_ref(), table.hand.as_ref(), sensing),
+                phantom: phantom(table.device.as_ref(), table.hand.as_ref()),
                 coupling: table.coupling.as_ref().map(coupling),
                 passivity_control: table.passivity_control.unwrap_or(false),
             };
@@ -73,14 +68,14 @@ fn waypoints(table: &InstrumentTable) -> Read<TipPath> {
     TipPath::new(path).map_err(|error| Problem::Path { key, error })
 }
 
-fn phantom(device: Option<&DeviceTable>, hand: Option<&HandTable>, sensing: TipSensing) -> PhantomSettings {
-    let mut settings = PhantomSettings { sensing, ..PhantomSettings::default() };
+fn phantom(device: Option<&DeviceTable>, hand: Option<&HandTable>) -> PhantomSettings {
+    let mut settings = PhantomSettings::default();
     if let Some(hand) = hand {
         settings.hand = self::hand(hand);
     }
     let Some(table) = device else { return settings };
     let PhantomSettings { axes, joints, actuation, sensing, substeps, .. } = &mut settings;
-    set(sensing, table.tip);
+    *sensing = table.tip;
     if let Some(rows) = table.rotation {
         axes.rotation = Mat3::from_fn(|row, column| rows[row][column]);
     }
