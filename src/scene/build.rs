@@ -195,7 +195,7 @@ impl Scene {
 
     /// Returns the instrument, with the tip that contact sees: where the device's settings leave it open, the observed one
     /// under the massless scheme, whose dampers would feel every encoder count, and the quantised one under the others.
-    pub fn instrument_in_use(&self) -> InstrumentKind {
+    pub(crate) fn instrument_in_use(&self) -> InstrumentKind {
         let mut kind = self.instrument.clone();
         if let InstrumentKind::Phantom(settings) = &mut kind {
             settings.phantom.sensing.get_or_insert(match self.contact.scheme {
