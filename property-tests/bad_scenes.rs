@@ -224,7 +224,34 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
     ("a hand under a path", KIND, "hand = { mass = [0.1, 0.1, 0.1] }", &["instrument.hand", "no effect"]),
     ("a coupling under a path", KIND, "coupling = { mass = 0.1 }", &["instrument.coupling", "no effect"]),
     ("control under a path", KIND, "passivity_control = true", &["instrument.passivity_control", "no effect"]),
-    ("a file for a device", KIND, "kind = \"phantom-1.5\"\nfile = \"x.csv\"", &["instrument.file", "no effect"]),
+    (
+        "waypoints beside a device's recording",
+        KIND,
+        "kind = \"phantom-1.5\"\nfile = \"x.csv\"",
+        &["instrument.waypoints", "no effect"],
+    ),
+    (
+        "a force limit of a device",
+        KIND,
+        "kind = \"phantom-1.5\"\nforce_limit = 9.0",
+        &["instrument.force_limit", "no effect"],
+    ),
+    ("a force limit of zero", KIND, "kind = \"path\"\nforce_limit = 0.0", &["instrument.force_limit", "above 0"]),
+    ("no force limit", KIND, "kind = \"path\"\nforce_limit = inf", &["instrument.force_limit", "finite"]),
+    (
+        "columns of a path",
+        KIND,
+        "kind = \"path\"\ncolumns = [\"a\", \"b\", \"c\", \"d\"]",
+        &["instrument.columns", "no effect"],
+    ),
+    ("a unit of a path", KIND, "kind = \"path\"\nscale = 0.001", &["instrument.scale", "no effect"]),
+    (
+        "a start of a device's waypoints",
+        KIND,
+        "kind = \"phantom-1.5\"\nstart = 1.0",
+        &["instrument.start", "no effect"],
+    ),
+    ("a filter of a path", KIND, "kind = \"path\"\nfilter_hz = 10.0", &["instrument.filter_hz", "no effect"]),
     (
         "a hand out of reach",
         KIND,
@@ -479,7 +506,7 @@ fn bad_recordings_are_named_with_their_line() {
     let scene = folder.write("scene.toml", &text);
     for (csv, word) in [
         ("t,x,y\n0,0,0\n", "header"),
-        ("t,x,y,z\n0,0,0,zero\n", "line: 2"),
+        ("t,x,y,z\n0,0,0,zero\n", "line 2"),
         ("t,x,y,z\n0,0,0,0.01\n0,0,0,0.01\n", "not later"),
         ("t,x,y,z\n", "no waypoint"),
         ("t,x,y,z\n0,0,0,NaN\n", "not finite"),
@@ -492,6 +519,24 @@ fn bad_recordings_are_named_with_their_line() {
     }
     folder.write("tip.csv", "t,x,y,z\n0,0,0,0.01\n0.5,0,0,-0.002\n");
     assert_eq!(run(&scene, &folder.path("out")).status.code(), Some(0));
+    // Another's columns, unit and clock: the same motion, and so the same bytes.
+    let trace = |out: &str| std::fs::read(folder.path(out).join("trace.csv")).expect("a trace");
+    folder.write("log.csv", "n,px,py,pz,stamp\n0,0,0,10,7\n1,0,0,-2,7.5\n");
+    let others = "file = \"log.csv\"\ncolumns = [\"stamp\", \"px\", \"py\", \"pz\"]\nscale = 0.001\nstart = 7.0";
+    let other = folder.write("other.toml", &text.replace("file = \"tip.csv\"", others));
+    assert_eq!(run(&other, &folder.path("other")).status.code(), Some(0));
+    assert!(trace("out") == trace("other"), "the same motion");
+    for (wrong, word) in [
+        (others.replace("stamp", "time"), "no column `time`"),
+        (others.replace("0.001", "-1.0"), "instrument.scale"),
+        (others.replace("7.0", "nan"), "instrument.start"),
+        (format!("{others}\nfilter_hz = 0.0"), "instrument.filter_hz"),
+    ] {
+        let other = folder.write("other.toml", &text.replace("file = \"tip.csv\"", &wrong));
+        let output = run(&other, &folder.path("wrong"));
+        assert_eq!(output.status.code(), Some(2), "{wrong}");
+        assert!(stderr(&output).split_whitespace().collect::<Vec<_>>().join(" ").contains(word), "{wrong}");
+    }
 }
 
 /// Programs find the cause of an error as its source, whatever the error is wrapped in.

@@ -16,6 +16,7 @@ mod elasticity;
 mod extremes;
 mod integrators;
 mod limit_surface;
+mod limits;
 mod linearization;
 mod massless;
 mod mesh_files;

@@ -317,10 +317,11 @@ impl Simulation {
             }
             (false, _) => PathRecording::LastTick,
         };
+        let bounds = Bounds::new(&network.rest, scene.largest_contact_force_n());
         Ok(Self {
-            servo: Servo::new(local, instrument, smoothing, FailSafe::new(Bounds::new(&network.rest)), scene.tick_s()),
+            servo: Servo::new(local, instrument, smoothing, FailSafe::new(bounds), scene.tick_s()),
             timeline: scene.timeline(),
-            global: GlobalSide::new(global, network.clone()),
+            global: GlobalSide::new(global, network.clone(), bounds),
             network,
             surface,
             tick_s: scene.tick_s(),
@@ -512,7 +513,11 @@ impl Lockstep {
         }
         if deadline_outcome != DeadlineOutcome::Skipped {
             self.energy.add_tick(local, &done.report, done.tip_before, done.tip, *tick_s);
+            if !self.energy.is_finite() {
+                return Err(Fault { tick: done.tick, ..servo.latch(FaultCause::EnergyNotFinite) });
+            }
         }
+        let local = servo.local();
         Ok(TickView {
             tick: done.tick,
             time: done.time,

@@ -5,3 +5,5 @@ pub mod coupling;
 pub mod instrument;
 pub mod path;
 pub mod phantom;
+#[cfg(feature = "files")]
+pub mod recording;

@@ -1,15 +1,13 @@
 //! The path of a tip, or of the hand that leads it: waypoints or a recording.
 
-#[cfg(feature = "files")]
-use std::fs::File;
 use std::io;
 use std::path::{Path as FilePath, PathBuf};
 
-#[cfg(feature = "files")]
-use serde::Deserialize;
 use thiserror::Error;
 
 use crate::Vec3;
+#[cfg(feature = "files")]
+use crate::device::recording::Recording;
 use crate::word::words;
 
 /// A waypoint: a tip position at a time.
@@ -117,7 +115,7 @@ pub enum PathError {
         /// Error of the operating system.
         error: io::Error,
     },
-    /// The recording is not CSV of four numbers a line; the parser's message.
+    /// The recording is not CSV; the parser's message.
     #[cfg(feature = "files")]
     #[error("{0}")]
     Csv(#[from] csv::Error),
@@ -130,6 +128,22 @@ pub enum PathError {
     Header {
         /// First line of the file.
         found: String,
+    },
+    /// The recording has no column of this name.
+    #[error("there is no column `{name}` in its header `{found}`")]
+    NoColumn {
+        /// Name of the column.
+        name: String,
+        /// First line of the file.
+        found: String,
+    },
+    /// A field of the recording is no number.
+    #[error("line {line}: `{text}` is not a number")]
+    NotANumber {
+        /// Line of the file, from 1.
+        line: u64,
+        /// The field.
+        text: String,
     },
 }
 
@@ -187,23 +201,7 @@ impl TipPath {
     /// ```
     #[cfg(feature = "files")]
     pub fn from_csv(path: &FilePath) -> Result<Self, PathError> {
-        #[derive(Deserialize)]
-        struct Row {
-            t: f64,
-            x: f64,
-            y: f64,
-            z: f64,
-        }
-        let file = File::open(path).map_err(|error| PathError::Unreadable { path: path.to_owned(), error })?;
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
-        let header: Vec<String> = reader.headers()?.iter().map(str::to_owned).collect();
-        if header != ["t", "x", "y", "z"] {
-            return Err(PathError::Header { found: header.join(",") });
-        }
-        let rows = reader.deserialize::<Row>();
-        let waypoints: Result<Vec<_>, _> =
-            rows.map(|row| row.map(|Row { t, x, y, z }| Waypoint { time: t, position: Vec3::new(x, y, z) })).collect();
-        Self::new(waypoints?)
+        Recording::default().read(path)
     }
 
     /// Refuses a recording, which a build without the feature `files` cannot read.
@@ -213,6 +211,11 @@ impl TipPath {
     #[cfg(not(feature = "files"))]
     pub fn from_csv(path: &FilePath) -> Result<Self, PathError> {
         Err(PathError::NoFiles(path.to_owned()))
+    }
+
+    /// Returns the waypoints.
+    pub fn waypoints(&self) -> &[Waypoint] {
+        &self.waypoints
     }
 
     /// Returns the time of the last waypoint, s.

@@ -110,6 +110,11 @@ impl EnergyBalance {
         self.contact = local.contact_energy();
     }
 
+    /// Returns whether every energy of the balance is finite.
+    pub fn is_finite(&self) -> bool {
+        self.total().is_finite() && self.residual().is_finite() && self.absolute_work.is_finite()
+    }
+
     fn total(&self) -> f64 {
         self.kinetic + self.elastic + self.gravitational
     }

@@ -22,12 +22,23 @@ pub enum FaultCause {
     /// The force to be commanded is NaN or infinite.
     #[error("the contact force is not finite")]
     ForceNotFinite,
+    /// The force to be commanded is beyond the limit.
+    #[error("the contact force of {newtons:.4e} N exceeds the limit of {limit_n} N")]
+    ForceTooLarge {
+        /// Magnitude of the force, N.
+        newtons: f64,
+        /// Largest force accepted, N.
+        limit_n: f64,
+    },
     /// A node's position or velocity is NaN or infinite.
     #[error("the state of node {node} is not finite")]
     StateNotFinite {
         /// Index of the node.
         node: u32,
     },
+    /// An energy is NaN or infinite, though every position, velocity and force is finite.
+    #[error("the energy balance is not finite: a mass, a stiffness or a velocity is out of any physical range")]
+    EnergyNotFinite,
     /// The model of the next cycle cannot be built.
     #[error(transparent)]
     NoModel(ModelError),
@@ -73,14 +84,14 @@ pub struct Fault {
     pub model_age: u64,
 }
 
-/// Bounds on the displacement of nodes.
+/// Bounds on the displacement of nodes, and on the contact force.
 ///
 /// ```
 /// use stickslip::multirate::failsafe::{Bounds, FaultCause};
 /// use stickslip::{Vec3, model::state::State};
 ///
 /// let rest = [Vec3::zeros(), Vec3::x() * 0.1]; // a diagonal of 0.1 m
-/// let bounds = Bounds::new(&rest);
+/// let bounds = Bounds::new(&rest, 850.0);
 /// let mut state = State { x: rest.to_vec(), v: vec![Vec3::zeros(); 2] };
 /// assert_eq!(bounds.network_cause(&rest, &state), None);
 /// state.x[1].x = 1.2;
@@ -91,14 +102,15 @@ pub struct Fault {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
     runaway_m: f64,
+    force_n: f64,
 }
 
 impl Bounds {
-    /// Sets bounds for a mesh with these rest positions.
-    pub fn new(rest: &[Vec3]) -> Self {
+    /// Sets bounds for a mesh with these rest positions, and for contact forces up to `force_n`.
+    pub fn new(rest: &[Vec3], force_n: f64) -> Self {
         let lower = rest.iter().copied().reduce(|a, b| a.inf(&b)).unwrap_or_default();
         let upper = rest.iter().copied().reduce(|a, b| a.sup(&b)).unwrap_or_default();
-        Self { runaway_m: RUNAWAY_DIAGONALS * (upper - lower).norm() }
+        Self { runaway_m: RUNAWAY_DIAGONALS * (upper - lower).norm(), force_n }
     }
 
     /// Finds a fault of the network at a boundary. The exterior moves only there, so every node is checked.
@@ -112,8 +124,12 @@ impl Bounds {
         if let Some(fault) = local.renderer_fault() {
             return Some(FaultCause::Renderer(fault));
         }
-        if !report.force.norm().is_finite() {
+        let newtons = report.force.norm();
+        if !newtons.is_finite() {
             return Some(FaultCause::ForceNotFinite);
+        }
+        if !(newtons <= self.force_n) {
+            return Some(FaultCause::ForceTooLarge { newtons, limit_n: self.force_n });
         }
         let patch = &local.model().patch;
         let state = local.state();
@@ -141,7 +157,7 @@ impl Bounds {
 ///
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
 /// let simulation = Simulation::prepare(&scene)?;
-/// let bounds = Bounds::new(&simulation.network().rest);
+/// let bounds = Bounds::new(&simulation.network().rest, scene.largest_contact_force_n());
 /// let mut local = simulation.into_sides().servo.into_local();
 /// let tip = scene.path.at(0.0);
 /// let mut report = local.tick(tip, tip);

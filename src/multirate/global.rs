@@ -312,8 +312,7 @@ pub struct GlobalSide {
 
 impl GlobalSide {
     /// Adds the fault check to a global simulation of this network.
-    pub fn new(simulation: GlobalSimulation, network: Arc<Network>) -> Self {
-        let bounds = Bounds::new(&network.rest);
+    pub fn new(simulation: GlobalSimulation, network: Arc<Network>, bounds: Bounds) -> Self {
         Self { simulation, network, bounds }
     }
 

@@ -2,20 +2,26 @@
 
 use super::check::{covering_ticks, positive, ticks_per_cycle, whole_ticks};
 use super::{
-    DEFAULT_GLOBAL_RATE_HZ, DEFAULT_LOCAL_RATE_HZ, GlobalSettings, MeshSource, Problem, Scene, SceneError, Schedule,
-    check,
+    DEFAULT_GLOBAL_RATE_HZ, DEFAULT_LOCAL_RATE_HZ, FORCE_MARGIN, GlobalSettings, MeshSource, Problem, Scene,
+    SceneError, Schedule, check,
 };
 use crate::contact::law::Law;
 use crate::contact::rules::{ContactRules, Scheme, Wall};
 use crate::device::instrument::InstrumentKind;
 use crate::device::path::TipPath;
 use crate::device::phantom::TipSensing;
+use crate::device::phantom::actuation::ActuationSettings;
 use crate::dynamics::constraint::Threads;
 use crate::local::model::LocalSettings;
 use crate::local::step::LocalIntegrator;
 use crate::model::network::Material;
 use crate::multirate::timeline::{Deadline, OverrunPolicy};
 use crate::surface::geometry::ContactSurface;
+
+/// Returns the default of `instrument.force_limit`, N: a hundred times the largest force of a PHANTOM 1.5.
+pub(super) fn default_force_limit_n() -> f64 {
+    FORCE_MARGIN * ActuationSettings::default().largest_force
+}
 
 fn refused(problem: Problem) -> SceneError {
     SceneError::new(problem, None)
@@ -74,6 +80,7 @@ impl Scene {
             contact_radius: 0.0,
             contact: ContactRules { law, scheme: Scheme::default(), adhesion_n: 0.0, wall: Wall::default() },
             instrument: InstrumentKind::Path,
+            force_limit_n: default_force_limit_n(),
             smoothing_ticks: 0,
             schedule: Schedule::default(),
             deadline: Deadline { after: 1.0 / local_rate_hz, overrun: OverrunPolicy::default() },

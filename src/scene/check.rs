@@ -230,7 +230,9 @@ fn cost(key: &'static str, cost: &Cost) -> Checked {
 }
 
 fn instrument(scene: &Scene) -> Checked {
-    let InstrumentKind::Phantom(settings) = &scene.instrument else { return Ok(()) };
+    let InstrumentKind::Phantom(settings) = &scene.instrument else {
+        return positive("instrument.force_limit", scene.force_limit_n).map(drop);
+    };
     device(settings)?;
     // Checks that depend on more than one setting.
     let Err(error) = CoupledPhantom::new(settings, &scene.path, scene.tick_s()) else { return Ok(()) };
@@ -323,6 +325,10 @@ pub(super) fn positive(key: &'static str, value: f64) -> Checked<f64> {
 
 pub(super) fn non_negative(key: &'static str, value: f64) -> Checked<f64> {
     accept(key, value, value.is_finite() && value >= 0.0)
+}
+
+pub(super) fn finite(key: &'static str, value: f64) -> Checked<f64> {
+    accept(key, value, value.is_finite())
 }
 
 pub(super) fn at_least_one(key: &'static str, count: u32) -> Checked<u32> {

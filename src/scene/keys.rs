@@ -190,16 +190,36 @@ const KEYS: &[(&str, Accepts)] = &[
     (
         "instrument.waypoints",
         Text(
-            "a list of at least one [t, x, y, z], finite, in s and m, with ascending t: the tip, or what the hand of a device aims at; not with `kind = \"recording\"`",
+            "a list of at least one [t, x, y, z], finite, in s and m, with ascending t: the tip, or what the hand of a device aims at; not with `file`",
         ),
     ),
     (
         "instrument.file",
         Text(
-            "a CSV file with the header t,x,y,z, in s and m, with ascending t, relative to the scene; only with `kind = \"recording\"`",
+            "a CSV file with the header t,x,y,z, in s and m, with ascending t, relative to the scene: the tip with `kind = \"recording\"`, what the hand aims at with `kind = \"phantom-1.5\"`",
+        ),
+    ),
+    (
+        "instrument.columns",
+        Text(
+            "four names of columns of `file`, for time and position (default [\"t\", \"x\", \"y\", \"z\"], and no others in the file)",
+        ),
+    ),
+    ("instrument.scale", Text("a finite number above 0, in m (default 1): length of the unit of `file`; 0.001 for mm")),
+    ("instrument.start", Text("a finite number, in s (default 0): time in `file` at which the scene starts")),
+    (
+        "instrument.filter_hz",
+        Text(
+            "a finite number above 0, in Hz: a low-pass without phase lag halves this frequency in `file`; without it nothing is filtered",
         ),
     ),
     ("instrument.interpolation", words!(Interpolation, ": between waypoints")),
+    (
+        "instrument.force_limit",
+        Text(
+            "a finite number above 0, in N (default 850): a contact force above it ends the run with a fault; not with `kind = \"phantom-1.5\"`, whose limit is a hundred times `device.largest_force`",
+        ),
+    ),
     (
         "instrument.smoothing_ticks",
         Text(

@@ -43,6 +43,10 @@ const DEFAULT_LOCAL_RATE_HZ: f64 = 1000.0;
 /// Default of `global.rate`, Hz.
 const DEFAULT_GLOBAL_RATE_HZ: f64 = 10.0;
 
+/// Contact force that ends a run, over the largest force of the device: a thousand newtons are beyond any force of a haptic
+/// scene, and far below what a diverging one commands.
+const FORCE_MARGIN: f64 = 100.0;
+
 /// A scene. Independent settings are public fields; derived quantities are methods, so that no two values can
 /// contradict each other. [`check`](Self::check) finds settings that do not go together; reading, building and
 /// [`Simulation::prepare`](crate::pipeline::Simulation::prepare) all call it.
@@ -81,6 +85,8 @@ pub struct Scene {
     pub instrument: InstrumentKind,
     /// Path of the tip, or the set-point of the hand that holds a device.
     pub path: TipPath,
+    /// Contact force along a path above which the fail-safe ends the run, N. A modelled device has its own limit.
+    pub force_limit_n: f64,
     /// Number of ticks over which the force's jump at a hand-over fades.
     pub smoothing_ticks: u32,
     /// Lockstep in virtual time, or threads in real time.
@@ -179,6 +185,15 @@ impl Scene {
     /// If a setting is not accepted, with the first such key of scene files.
     pub fn check(&self) -> Result<(), SceneError> {
         check::check(self).map_err(|problem| SceneError::new(problem, None))
+    }
+
+    /// Returns the contact force above which the fail-safe ends a run, N: that of the path, or a hundred times the largest
+    /// force of a modelled device.
+    pub fn largest_contact_force_n(&self) -> f64 {
+        match &self.instrument {
+            InstrumentKind::Path => self.force_limit_n,
+            InstrumentKind::Phantom(settings) => FORCE_MARGIN * settings.phantom.actuation.largest_force,
+        }
     }
 
     /// Returns the local tick h, s.

@@ -12,6 +12,7 @@ use std::path::Path;
 
 use miette::NamedSource;
 
+use super::build::default_force_limit_n;
 use super::check::{check, whole_ticks};
 use super::error::{Problem, SceneError};
 use super::file::*;
@@ -92,6 +93,7 @@ fn assemble(file: SceneFile, folder: &Path) -> Read<Scene> {
         contact: contact(&file.contact)?,
         surface: file.contact.surface,
         contact_radius: file.contact.radius.unwrap_or(0.0),
+        force_limit_n: file.instrument.force_limit.unwrap_or_else(default_force_limit_n),
         smoothing_ticks: file.instrument.smoothing_ticks.unwrap_or(0),
         name: file.name,
         mesh,

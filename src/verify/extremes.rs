@@ -77,7 +77,9 @@ pub enum Expected {
 pub enum FaultKind {
     /// [`FaultCause::ForceNotFinite`].
     ForceNotFinite,
-    /// [`FaultCause::StateNotFinite`].
+    /// [`FaultCause::ForceTooLarge`].
+    ForceTooLarge,
+    /// [`FaultCause::StateNotFinite`] or [`FaultCause::EnergyNotFinite`].
     StateNotFinite,
     /// [`FaultCause::Runaway`].
     Runaway,
@@ -93,7 +95,8 @@ impl FaultKind {
     fn of(cause: &FaultCause) -> Self {
         match cause {
             FaultCause::ForceNotFinite => Self::ForceNotFinite,
-            FaultCause::StateNotFinite { .. } => Self::StateNotFinite,
+            FaultCause::ForceTooLarge { .. } => Self::ForceTooLarge,
+            FaultCause::StateNotFinite { .. } | FaultCause::EnergyNotFinite => Self::StateNotFinite,
             FaultCause::Runaway { .. } => Self::Runaway,
             FaultCause::NoModel(_) => Self::NoModel,
             FaultCause::Device(_) | FaultCause::Instrument(_) => Self::Device,
@@ -219,6 +222,7 @@ impl fmt::Display for Expected {
                 }
                 Ok(())
             }
+            Expected::Fault(FaultKind::ForceTooLarge) => f.write_str("fault: force beyond its limit"),
             Expected::Fault(FaultKind::ForceNotFinite) => f.write_str("fault: force not finite"),
             Expected::Fault(FaultKind::StateNotFinite) => f.write_str("fault: state not finite"),
             Expected::Fault(FaultKind::Runaway) => f.write_str("fault: diverged"),

@@ -239,7 +239,9 @@ fn values(view: &TickView) -> [f64; QUANTITIES.len()] {
 fn cause(fault: &Fault) -> &'static str {
     match fault.cause {
         FaultCause::ForceNotFinite => "the contact force is not finite",
+        FaultCause::ForceTooLarge { .. } => "the contact force exceeds its limit",
         FaultCause::StateNotFinite { .. } => "the state is not finite",
+        FaultCause::EnergyNotFinite => "the energy balance is not finite",
         FaultCause::NoModel(_) => "no local model could be built",
         FaultCause::Renderer(_) => "the renderer failed",
         FaultCause::Instrument(_) | FaultCause::Device(_) => {

@@ -95,7 +95,7 @@ def run(scene, network):
         q1, before = instrument.tip, state
         state, report = step(model, surface, scene["contact"], state, q0, q1, scene.h, (tick - model.tick) * scene.h,
                              **({"tip_velocity": instrument.velocity} if result.massless else {}))
-        result.fault = fault_in(network, state, report.force)
+        result.fault = fault_in(network, state, report.force, scene.force_limit)
         if result.fault:
             break
         force = instrument.command(smoothing.smoothed(report.force, handed_over))
@@ -128,10 +128,12 @@ def swallowed(surface, tip, x):
     return Contact(point, tension=True) if distance < -ON_SURFACE else None
 
 
-def fault_in(network, state, force):
+def fault_in(network, state, force, force_limit):
     """Why the run must end, or None. Written so that a NaN is a fault."""
     if not np.isfinite(force).all():
         return "the force is not finite"
+    if not np.linalg.norm(force) <= force_limit:
+        return f"a force of {np.linalg.norm(force):.4g} N"
     if not (np.isfinite(state.x).all() and np.isfinite(state.v).all()):
         return "the state is not finite"
     distance = np.linalg.norm(state.x - network.nodes, axis=1).max()

@@ -27,8 +27,8 @@ DEFAULTS = {
     "contact": {"law": REQUIRED, "friction": OPTIONAL, "scheme": "geometric", "surface": "faceted",
                 "radius": 0.0, "adhesion": 0.0, "deformation": "rigid", "metric": "euclidean", "wall_stiffness": 1000.0,
                 "wall_damping": 0.0},
-    "instrument": {"kind": "path", "waypoints": OPTIONAL, "file": OPTIONAL, "interpolation": "linear",
-                   "smoothing_ticks": 0, "passivity_control": False, "device": OPTIONAL, "hand": OPTIONAL, "coupling": OPTIONAL},
+    "instrument": {"kind": "path", "waypoints": OPTIONAL, "file": OPTIONAL, "columns": OPTIONAL, "scale": OPTIONAL,
+                   "start": OPTIONAL, "filter_hz": OPTIONAL, "interpolation": "linear", "force_limit": OPTIONAL, "smoothing_ticks": 0, "passivity_control": False, "device": OPTIONAL, "hand": OPTIONAL, "coupling": OPTIONAL},
     "sync": {"mode": "replay", "latency_ticks": 0},
     "run": {"schedule": "lockstep"},
 }
@@ -141,6 +141,7 @@ class Scene:
         if type(self.settle) is not bool or (self.settle and not any(material.gravity)):
             raise SceneError("settle must be true or false, and true only with material.gravity")
         check_instrument(self["instrument"], "observed" if scheme == "massless" else "quantised")
+        self.force_limit = force_limit(self["instrument"])
         self.folder = Path(folder)
         self.waypoints = read_waypoints(self["instrument"], self.folder)
 
@@ -242,8 +243,10 @@ def check_instrument(instrument, default_tip):
         if instrument.passivity_control or any(instrument[part] is not OPTIONAL for part in PHANTOM):
             raise SceneError(f"instrument.passivity_control, {', '.join(PHANTOM)} go with kind = \"phantom-1.5\"")
         return
-    if instrument.file is not OPTIONAL:
-        raise SceneError("instrument.file goes with kind = \"recording\"")
+    if (instrument.file is OPTIONAL) == (instrument.waypoints is OPTIONAL):
+        raise SceneError("the hand follows either instrument.waypoints or instrument.file")
+    if instrument.force_limit is not OPTIONAL:
+        raise SceneError("instrument.force_limit goes with a path")
     tip = default_tip
     if isinstance(instrument.device, dict):
         tip = instrument.device.get("tip", tip)
@@ -259,6 +262,16 @@ def check_instrument(instrument, default_tip):
     R = instrument["device"].rotation
     if not (np.abs(R.T @ R - np.eye(3)).max() <= ORTHOGONAL and np.linalg.det(R) > 0.0):
         raise SceneError("instrument.device.rotation must be a rotation: orthogonal rows of length 1, right-handed")
+
+
+def force_limit(instrument):
+    """The contact force that ends a run, N: a hundred times what the device can give, or its own for a path."""
+    if instrument.kind == "phantom-1.5":
+        return 100.0 * instrument["device"].largest_force
+    limit = 100.0 * PHANTOM["device"]["largest_force"][0] if instrument.force_limit is OPTIONAL else instrument.force_limit
+    if not (is_number(limit) and np.isfinite(limit) and limit > 0.0):
+        raise SceneError(f"instrument.force_limit = {limit!r} must be a finite number above 0")
+    return limit
 
 
 def read_part(part, given):
@@ -282,14 +295,29 @@ def read_number(name, value, default, rule):
     return numbers.astype(float) if np.shape(default) else numbers.item()
 
 
+def low_pass(points, hz):
+    """A first-order low-pass of the piecewise linear motion through rows t, x, y, z, in the order of the rows."""
+    result = points.copy()
+    for row in range(1, len(points)):
+        phase = 2.0 * np.pi * hz * abs(points[row, 0] - points[row - 1, 0])
+        lag = (points[row, 1:] - points[row - 1, 1:]) / phase
+        result[row, 1:] = points[row, 1:] - lag + (result[row - 1, 1:] - points[row - 1, 1:] + lag) * np.exp(-phase)
+    return result
+
+
 def read_waypoints(instrument, folder):
     """Rows t, x, y, z of a path or of a recording."""
-    if instrument.kind == "recording":
+    if instrument.file is not OPTIONAL:
         with open(folder / instrument.file, newline="") as file:
             rows = list(csv.reader(file))
-        if rows[0] != ["t", "x", "y", "z"]:
+        columns = instrument.columns or ["t", "x", "y", "z"]
+        if instrument.columns is OPTIONAL and rows[0] != columns:
             raise SceneError(f"{instrument.file}: the header must be t,x,y,z")
-        points = np.array(rows[1:], dtype=float)
+        points = np.array([[row[rows[0].index(column)] for column in columns] for row in rows[1:]], dtype=float)
+        points[:, 0] -= instrument.start or 0.0
+        points[:, 1:] *= 1.0 if instrument.scale is OPTIONAL else instrument.scale
+        if instrument.filter_hz is not OPTIONAL:
+            points = np.flip(low_pass(np.flip(low_pass(points, instrument.filter_hz), axis=0), instrument.filter_hz), axis=0)
     else:
         points = np.array(instrument.waypoints, dtype=float)
     if points.ndim != 2 or points.shape[1] != 4 or not np.isfinite(points).all() or not (np.diff(points[:, 0]) > 0).all():

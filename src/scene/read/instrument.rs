@@ -25,27 +25,64 @@ fn kind_and_path(table: &InstrumentTable, folder: &Path) -> Read<(InstrumentKind
             let because = "`instrument.kind = \"path\"`";
             no_effect("instrument.file", table.file.is_some(), because)?;
             no_device(table, because)?;
+            no_recording(table, because)?;
             Ok((InstrumentKind::Path, waypoints(table)?))
         }
         InstrumentName::Recording => {
             let because = "`instrument.kind = \"recording\"`";
             no_effect("instrument.waypoints", table.waypoints.is_some(), because)?;
             no_device(table, because)?;
-            let key = "instrument.file";
-            let file = table.file.as_ref().ok_or(Problem::Missing(key))?;
-            let path = TipPath::from_csv(&folder.join(file)).map_err(|error| Problem::Path { key, error })?;
-            Ok((InstrumentKind::Path, path))
+            let file = table.file.as_ref().ok_or(Problem::Missing("instrument.file"))?;
+            Ok((InstrumentKind::Path, recording(table, &folder.join(file))?))
         }
         InstrumentName::Phantom => {
-            no_effect("instrument.file", table.file.is_some(), "`instrument.kind = \"phantom-1.5\"`")?;
+            let because = "`instrument.kind = \"phantom-1.5\"`, which has `device.largest_force`";
+            no_effect("instrument.force_limit", table.force_limit.is_some(), because)?;
+            let path = match &table.file {
+                Some(file) => {
+                    no_effect("instrument.waypoints", table.waypoints.is_some(), "`instrument.file`")?;
+                    recording(table, &folder.join(file))?
+                }
+                None => {
+                    no_recording(table, "`instrument.waypoints`")?;
+                    waypoints(table)?
+                }
+            };
             let settings = CoupledSettings {
                 phantom: phantom(table.device.as_ref(), table.hand.as_ref()),
                 coupling: table.coupling.as_ref().map(coupling),
                 passivity_control: table.passivity_control.unwrap_or(false),
             };
-            Ok((InstrumentKind::Phantom(Box::new(settings)), waypoints(table)?))
+            Ok((InstrumentKind::Phantom(Box::new(settings)), path))
         }
     }
+}
+
+#[cfg(feature = "files")]
+fn recording(table: &InstrumentTable, file: &Path) -> Read<TipPath> {
+    use crate::device::recording::Recording;
+    use crate::scene::check::{finite, positive};
+
+    let given = Recording {
+        columns: table.columns.clone(),
+        scale: positive("instrument.scale", table.scale.unwrap_or(1.0))?,
+        start_s: finite("instrument.start", table.start.unwrap_or(0.0))?,
+        filter_hz: table.filter_hz.map(|hz| positive("instrument.filter_hz", hz)).transpose()?,
+    };
+    given.read(file).map_err(|error| Problem::Path { key: "instrument.file", error })
+}
+
+#[cfg(not(feature = "files"))]
+fn recording(_: &InstrumentTable, file: &Path) -> Read<TipPath> {
+    TipPath::from_csv(file).map_err(|error| Problem::Path { key: "instrument.file", error })
+}
+
+/// Refuses the keys that say how a recording is read.
+fn no_recording(table: &InstrumentTable, because: &'static str) -> Read {
+    no_effect("instrument.columns", table.columns.is_some(), because)?;
+    no_effect("instrument.scale", table.scale.is_some(), because)?;
+    no_effect("instrument.start", table.start.is_some(), because)?;
+    no_effect("instrument.filter_hz", table.filter_hz.is_some(), because)
 }
 
 fn no_device(table: &InstrumentTable, because: &'static str) -> Read {
