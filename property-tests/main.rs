@@ -25,6 +25,7 @@ mod nearest;
 mod network;
 mod operators;
 mod orders;
+mod path_stability;
 mod phantom;
 mod phantom_motion;
 mod rest;

@@ -66,7 +66,7 @@ fn the_report_is_one_page_that_needs_nothing_else() {
         text.matches("http-equiv").count() + text.matches("http://www.w3.org").count()
     );
     let table = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(table.contains("fault, as expected") && !table.contains("UNEXPECTED"), "{table}");
+    assert!(table.contains("PASS: fault, as expected") && !table.contains("FAIL"), "{table}");
 
     // A quick report has meshes of two sizes: 2 lattices, 5 kinds of tetrahedra by 2 formulas, 6 quantities each.
     assert!(text.contains("id=\"elasticity\"") && text.contains("omits the finest meshes"));
@@ -107,7 +107,12 @@ fn what_failed_is_on_top() {
     assert!(places.iter().all(Option::is_some) && places.is_sorted(), "{places:?}");
     let row = page.split("<tbody>").nth(1).and_then(|rows| rows.split("</td>").next()).expect("a row");
     assert!(row.contains("unexpected") && row.contains("my-fault"), "{row}");
-    assert_eq!(viewed(&page)[1]["outcome"], "fault, UNEXPECTED");
+    assert_eq!(viewed(&page)[1]["outcome"], "FAIL: fault");
+    assert_eq!(json["runs"][1]["verdict"]["verdict"], "FAIL");
+    assert!(json["runs"][1]["as_expected"].is_null() && json["runs"][0]["as_expected"] == true, "{}", json["runs"]);
+    // The paper's local model, held against the whole network.
+    let error = json["runs"][0]["reference"]["compared"]["force_error_rms_rel"].as_f64().expect("a comparison");
+    assert!((0.05..0.3).contains(&error), "{error}");
 }
 
 /// The tip sticks to a point of the surface: the view has to show both in one place.
@@ -213,7 +218,7 @@ fn a_larger_run_has_fewer_frames_or_none() {
 #[test]
 fn the_last_cross_check_is_shown_where_there_is_one() {
     let folder = Folder::new("report-crosscheck");
-    folder.write("tiny.toml", &GOOD.replace("duration = 1.2", "duration = 0.01"));
+    folder.write("tiny.toml", &GOOD.replace("duration = 1.2", "duration = 0.1"));
     let with = |text: Option<&str>| {
         fs::create_dir_all(folder.path("reports")).expect("a folder");
         let file = folder.path("reports/crosscheck.json");

@@ -136,7 +136,7 @@ pub fn check(arguments: &CheckArguments) -> miette::Result<u8> {
     let shipped = SHIPPED.iter().map(|shipped| shipped.name.into());
     let scenes = if arguments.scenes.is_empty() { shipped.collect() } else { arguments.scenes.clone() };
     // All scenes are read before the first one runs.
-    let loaded: Vec<Scene> = scenes.iter().map(|scene| Ok(load(scene)?.0)).collect::<Result<_, SceneError>>()?;
+    let loaded: Vec<Scene> = scenes.iter().map(|scene| load(scene)).collect::<Result<_, SceneError>>()?;
     let store = match &arguments.baselines {
         Some(folder) => Store::Folder(folder.clone()),
         None if Path::new(IN_CLONE).is_dir() => Store::Folder(IN_CLONE.into()),
@@ -177,7 +177,7 @@ pub fn check(arguments: &CheckArguments) -> miette::Result<u8> {
 }
 
 fn accept_results(scene: &Path, reason: &str, folder: Option<&Path>) -> miette::Result<u8> {
-    let (scene, _) = load(scene)?;
+    let scene = load(scene)?;
     let folder = match folder {
         Some(folder) => folder,
         None if Path::new(IN_CLONE).is_dir() => Path::new(IN_CLONE),

@@ -1,24 +1,20 @@
 //! `stickslip explain`: a scene's parts, sizes, costs and stability limits, before it runs.
 
-pub(super) mod device;
-
 use std::path::Path;
 
 use serde::Serialize;
 
-use self::device::DeviceFacts;
 use super::terminal::{hand_out, say, significant};
 use super::{PASS, read};
-use crate::Vec3;
-use crate::dynamics::constraint::Threads;
 use crate::dynamics::integrators::GlobalIntegrator;
-use crate::dynamics::stability::{StepLimit, explicit_step_limit};
 use crate::local::condensation::CondensationOutcome;
 use crate::local::model::Linearization;
-use crate::local::step::{LinearStep, LocalIntegrator};
-use crate::multirate::global::SyncMode;
+use crate::local::step::LinearStep;
+use crate::output::device_facts::DeviceFacts;
+use crate::output::time_steps::{TimeStep, TimeSteps};
+use crate::output::warnings::before_run;
 use crate::pipeline::Simulation;
-use crate::scene::Scene;
+use crate::scene::{Scene, Warning};
 
 #[derive(Serialize)]
 struct Explanation {
@@ -28,11 +24,11 @@ struct Explanation {
     left_out: Vec<String>,
     cost_per_tick: TickCost,
     cost_per_cycle: CycleCost,
-    local_step: Step,
-    global_step: Step,
+    local_step: TimeStep,
+    global_step: TimeStep,
     #[serde(skip_serializing_if = "Option::is_none")]
     device: Option<DeviceFacts>,
-    warnings: Vec<String>,
+    warnings: Vec<Warning>,
 }
 
 #[derive(Serialize)]
@@ -86,47 +82,6 @@ struct CondensationCost {
     factor_multiply_adds: u64,
 }
 
-#[derive(Serialize)]
-struct Step {
-    step_s: f64,
-    limit_s: Option<f64>,
-    omega_max_rad_s: f64,
-    /// The integrator, if it is stable at every stiffness.
-    unlimited: Option<&'static str>,
-}
-
-impl Step {
-    /// Describes the step of an integrator that is stable at every step unless K is indefinite.
-    fn unlimited(step_s: f64, limit: StepLimit, integrator: &'static str) -> Self {
-        Self { limit_s: None, unlimited: Some(integrator), ..Self::new(step_s, limit) }
-    }
-
-    fn new(step_s: f64, limit: StepLimit) -> Self {
-        let limit_s = limit.step.is_finite().then_some(limit.step);
-        Self { step_s, limit_s, omega_max_rad_s: limit.omega, unlimited: None }
-    }
-
-    fn is_beyond(&self) -> bool {
-        self.limit_s.is_some_and(|limit| self.step_s > limit)
-    }
-
-    fn text(&self) -> String {
-        if let Some(integrator) = self.unlimited {
-            let turn = self.step_s * self.omega_max_rad_s;
-            return format!("{:.3} ms; no stability limit ({integrator}; ω_max h = {turn:.2})", 1e3 * self.step_s);
-        }
-        match self.limit_s {
-            Some(limit) => format!(
-                "{:.3} ms; stable up to {:.3} ms ({:.3} ms without damping, 2/ω_max)",
-                1e3 * self.step_s,
-                1e3 * limit,
-                2e3 / self.omega_max_rad_s
-            ),
-            None => format!("{:.3} ms; no stability limit", 1e3 * self.step_s),
-        }
-    }
-}
-
 pub fn explain(scene: &Path) -> miette::Result<u8> {
     let explanation = explanation(&read(scene)?.0)?;
     hand_out(&explanation)?;
@@ -138,12 +93,10 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
     let simulation = Simulation::prepare(scene)?;
     let parts = scene.parts();
     let named = |needed: bool| parts.iter().filter(|part| part.needed == needed).map(ToString::to_string).collect();
-    let integrates = parts.iter().any(|part| part.name == "replay of the patch's path" && part.needed)
-        || (scene.global.sync == SyncMode::Overwrite && !scene.is_full());
-    let (local_step, global_step) = time_steps(scene, &simulation);
+    let steps = TimeSteps::new(scene, &simulation);
+    let warnings = before_run(scene, &simulation, &steps);
+    let TimeSteps { local: local_step, global: global_step, integrates } = steps;
     let device = DeviceFacts::new(scene, &simulation);
-    let mut warnings = warnings(scene, &simulation, &local_step, integrates.then_some(&global_step));
-    warnings.extend(device.iter().flat_map(DeviceFacts::warnings));
     Ok(Explanation {
         scene: scene.name.clone(),
         sizes: sizes(scene, &simulation),
@@ -217,70 +170,6 @@ fn cycle_cost(scene: &Scene, simulation: &Simulation, integrates: bool) -> Cycle
             factor_multiply_adds: size.factor.multiply_adds,
         }),
     }
-}
-
-/// The local tick and the global substep with their stability limits.
-fn time_steps(scene: &Scene, simulation: &Simulation) -> (Step, Step) {
-    let (network, patch, drag) = (simulation.network(), &simulation.local().model().patch, scene.material.drag);
-    let mut held = patch.inverse_mass.clone();
-    held.resize(patch.len() + patch.boundary.len(), 0.0);
-    let local_limit = explicit_step_limit(&patch.springs, &simulation.local().state().x, &held, drag);
-    let global_limit =
-        explicit_step_limit(&network.springs, &simulation.global().state().x, &network.inverse_mass, drag);
-    let local = match scene.integrator {
-        LocalIntegrator::SemiImplicitEuler => Step::new(scene.tick_s(), local_limit),
-        implicit => Step::unlimited(scene.tick_s(), local_limit, implicit.name()),
-    };
-    let substep = 1.0 / (scene.global_rate_hz() * f64::from(scene.global.substeps));
-    let global = match scene.global.integrator {
-        GlobalIntegrator::ImplicitEuler => Step::unlimited(substep, global_limit, "implicit-euler"),
-        GlobalIntegrator::SemiImplicitEuler | GlobalIntegrator::Rk4 => Step::new(substep, global_limit),
-    };
-    (local, global)
-}
-
-fn warnings(scene: &Scene, simulation: &Simulation, local: &Step, global: Option<&Step>) -> Vec<String> {
-    let mut warnings = scene.warnings();
-    if local.is_beyond() {
-        warnings.push(format!("the local tick is beyond its stability limit: {}", local.text()));
-    }
-    if let Some(global) = global.filter(|global| global.is_beyond()) {
-        warnings.push(format!("the global substep is beyond its stability limit: {}", global.text()));
-    }
-    if scene.global.threads == Threads::Two && simulation.network().springs.halves().is_none() {
-        let springs = simulation.network().springs.len();
-        warnings.push(format!(
-            "`global.threads = 2` has no effect: {springs} springs are too few to divide, or most of them cross any cut"
-        ));
-    }
-    let turn = local.step_s * local.omega_max_rad_s;
-    if scene.integrator == LocalIntegrator::Exponential && turn > std::f64::consts::PI {
-        warnings.push(format!(
-            "the phase of the fastest mode advances by {turn:.1} rad per tick: the contact's response may vanish, \
-             and a run in contact may end in a fault; `local.integrator = \"implicit-euler\"` has no such bound"
-        ));
-    }
-    let model = simulation.local().model();
-    let patch = &model.patch;
-    if patch.len() < simulation.network().fixed.iter().filter(|&&fixed| !fixed).count() {
-        // Distance at rest from the centre of the patch to its furthest surface node.
-        let on_surface: Vec<_> = (simulation.surface().vertex_node.iter().zip(&patch.vertex_slot))
-            .filter(|&(_, &slot)| slot != crate::local::patch::OUTSIDE)
-            .map(|(&node, _)| simulation.network().rest[node as usize])
-            .collect();
-        let middle = on_surface.iter().sum::<Vec3>() / on_surface.len().max(1) as f64;
-        let reach = on_surface.iter().map(|x| (x - middle).norm()).fold(0.0, f64::max);
-        let way = scene.path.top_speed() / scene.global_rate_hz();
-        if way > reach {
-            warnings.push(format!(
-                "the tip moves by up to {:.1} mm per global cycle and the patch reaches {:.1} mm: contact may leave \
-                 the patch and become rigid",
-                1e3 * way,
-                1e3 * reach
-            ));
-        }
-    }
-    warnings
 }
 
 fn text(e: &Explanation) -> String {

@@ -31,7 +31,7 @@ use textwrap::WordSplitter;
 use self::report::ReportArguments;
 use self::terminal::{Asked, say};
 use crate::output::files::{RunFilesError, WriteError};
-use crate::scene::{Expectation, SHIPPED, Scene, SceneError};
+use crate::scene::{Expectation, SHIPPED, Scene, SceneError, Warning};
 use crate::verify::accept::AcceptError;
 
 /// No verdict is FAIL or INCONCLUSIVE, and no fault ended a run.
@@ -39,7 +39,6 @@ const PASS: u8 = 0;
 /// A verdict is FAIL, a fault ended a run, or no local model is within the budget.
 const FAIL: u8 = 1;
 /// A verdict is INCONCLUSIVE, and none is FAIL.
-#[cfg(all(feature = "realtime", target_os = "linux"))]
 const INCONCLUSIVE: u8 = 3;
 /// The arguments, a scene or a file is invalid, or a file cannot be written.
 const USAGE: u8 = 2;
@@ -77,9 +76,10 @@ enum Command {
     /// Run one scene: write its trace, network, summary and force plot
     #[command(after_help = "Writes trace.csv (a row per tick), network.json, summary.json and forces.svg; with --vtk \
         also network.pvd and instrument.pvd with their frames.\n\n\
-        Exit codes: 0 the run reached its duration; 1 a fault ended it (the rows before it are kept), the tip passed \
-        through the surface, or the repetition of a run in real time commanded other forces; 2 usage, scene or \
-        file error.\n\nExample: stickslip run fig5-stick-slip --out /tmp/fig5")]
+        Exit codes: 0 the verdict is PASS; 1 it is FAIL: a fault ended the run (the rows before it are kept), the tip \
+        passed through the surface, the energy residual exceeds the instrument's work, or the repetition of a run in real \
+        time commanded other forces; 2 usage, scene or file error; 3 it is INCONCLUSIVE: the tip never touched the body, or \
+        the energy residual exceeds half of the work.\n\nExample: stickslip run fig5-stick-slip --out /tmp/fig5")]
     Run(run::RunArguments),
     /// Print which parts a scene needs, what it costs, and its stability-limit time steps
     #[command(after_help = "Exit codes: 0 pass; 2 usage or scene error.\n\nExample: stickslip explain fig5-stick-slip")]
@@ -87,14 +87,15 @@ enum Command {
         /// A scene file or the name of a shipped scene
         scene: PathBuf,
     },
-    /// Measure stability-limit time steps and virtual walls, compare them with predictions, and run extreme scenes
+    /// Judge the stability of a scene along its path, and compare limits with predictions
     #[command(
-        after_help = "Writes DIR/index.html with its figures inside and DIR/stability.json. The limits are those of \
-        the scene's local model, with stiffness, mass ratio and damping ratio varied; virtual walls and extreme \
-        scenes do not depend on the scene.\n\n\
-        Exit codes: 0 pass; 1 an extreme scene did not end as expected, a limit differs from its prediction by more \
-        than 2 % for no known reason, or a virtual wall that has to be passive shakes; 2 usage, scene or file \
-        error.\n\n\
+        after_help = "Writes DIR/index.html with its figures inside and DIR/stability.json. The scene is run, and of every \
+        local model along its path the stability-limit time step and the growth of its fastest-growing mode are computed. Then \
+        stability-limit time steps of its first local model are measured, with stiffness, mass ratio and damping ratio varied, \
+        and virtual walls and extreme scenes, which do not depend on the scene.\n\n\
+        Exit codes: 0 pass; 1 the scene ends in a fault, an extreme scene did not end as expected, or a virtual wall that has to \
+        be passive shakes; 2 usage, scene or file error; 3 a local model along the path would diverge if it were kept, or a \
+        limit differs from its prediction by more than 2 % for no known reason.\n\n\
         Example: stickslip stability fig5-stick-slip --out /tmp/stability"
     )]
     Stability {
@@ -236,20 +237,25 @@ fn option(error: &Report) -> Option<&'static str> {
 }
 
 /// Reads a scene like [`read`] and prints its warnings on standard error.
-fn load(scene: &Path) -> Result<(Scene, Expectation), SceneError> {
-    let (scene, expectation) = read(scene)?;
-    for warning in &scene.warnings() {
-        eprintln!("Warning: {warning}");
-    }
-    Ok((scene, expectation))
+fn load(scene: &Path) -> Result<Scene, SceneError> {
+    let (scene, _) = read(scene)?;
+    warn(&scene.warnings());
+    Ok(scene)
 }
 
-/// Reads a scene file, or else the shipped scene of that name, and its expected result.
-fn read(scene: &Path) -> Result<(Scene, Expectation), SceneError> {
+/// Prints warnings on standard error.
+fn warn(warnings: &[Warning]) {
+    for warning in warnings {
+        eprintln!("Warning: {warning}");
+    }
+}
+
+/// Reads a scene file, or else the shipped scene of that name with its expected end.
+fn read(scene: &Path) -> Result<(Scene, Option<Expectation>), SceneError> {
     let shipped = SHIPPED.iter().find(|shipped| scene.as_os_str() == shipped.name);
     match shipped {
-        Some(shipped) if !scene.exists() => Ok((Scene::parse(shipped.text, scene)?, shipped.expectation)),
-        _ => Ok((Scene::load(scene)?, Expectation::Completes)),
+        Some(shipped) if !scene.exists() => Ok((Scene::parse(shipped.text, scene)?, Some(shipped.expectation))),
+        _ => Ok((Scene::load(scene)?, None)),
     }
 }
 

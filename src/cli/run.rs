@@ -5,33 +5,22 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::explain::device::DeviceFacts;
 use super::progress::Progress;
 use super::terminal::{hand_out, say};
-use super::{FAIL, PASS, folder, load, table};
-use crate::device::instrument::InstrumentKind;
+use super::{FAIL, INCONCLUSIVE, PASS, folder, read, table, warn};
 use crate::local::model::Linearization;
 use crate::model::springs::TangentKind;
-use crate::multirate::failsafe::FaultCause;
-use crate::output::files::{FinishedRun, run_into};
+use crate::multirate::failsafe::{Fault, FaultCause};
+use crate::output::files::{FinishedRun, write_run};
+use crate::output::time_steps::TimeSteps;
+use crate::output::verdict::Verdict;
 use crate::output::vtk::VtkWriter;
+use crate::output::warnings::before_run;
 use crate::pipeline::{Simulation, TickView};
-use crate::scene::{Scene, Schedule};
+use crate::scene::{Scene, Schedule, Warning};
 
 /// Default ticks per frame: 50 frames per second at 1 kHz.
 const FRAME_TICKS: &str = "20";
-
-/// Advice for a run that diverged with the exact tangent, which is constant over a cycle.
-const RUNAWAY_ADVICE: &str = "if `stickslip explain` shows steps within their stability limits, the tangent of \
-    compressed springs may be indefinite: give `local.tangent = \"stabilised\"`, `local.linearization = \"none\"` or \
-    a higher `global.rate`";
-
-/// Advice for a run whose patch folded.
-const FOLDED_ADVICE: &str = "give `contact.adhesion`, a `contact.radius`, more `local.rings` or a smaller drag";
-
-/// Advice for a run that ended without a fault and whose energy balance is implausible.
-const ENERGY_ADVICE: &str = "the local model and the network may excite each other, or contact may be lost and \
-    regained; compare with a higher `global.rate` and with `local.tangent = \"stabilised\"`";
 
 #[derive(Debug, Args)]
 pub struct RunArguments {
@@ -46,7 +35,7 @@ pub struct RunArguments {
 }
 
 pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
-    let (scene, _) = load(&arguments.scene)?;
+    let (scene, _) = read(&arguments.scene)?;
     let out = arguments.out.clone().unwrap_or_else(|| Path::new("reports").join(&scene.name));
     // A folder is created only for a scene that can start.
     let mut frames = match arguments.vtk {
@@ -56,28 +45,17 @@ pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
         }
         None => None,
     };
-    if matches!(scene.instrument, InstrumentKind::Phantom(_)) {
-        let facts = DeviceFacts::new(&scene, &Simulation::prepare(&scene)?);
-        if let Some(warning) = facts.as_ref().and_then(DeviceFacts::count_warning) {
-            eprintln!("Warning: {warning}");
-        }
-    }
     let mut progress = Progress::new(scene.tick_count(), "ticks");
     progress.begin(&scene.name);
-    let (finished, is_same) = execute(&scene, &out, |view| {
+    let (finished, is_same) = execute(&scene, &out, warn, |view| {
         frames.iter_mut().for_each(|frames| frames.record(view));
         progress.set(view.tick + 1);
     })?;
     drop(progress);
     let frames = frames.map(VtkWriter::finish).transpose()?;
-    let outcome = match (finished.summary.completed, finished.summary.passes()) {
-        (false, _) => "fault",
-        (true, false) if finished.summary.patch_folded > 0 => "folded",
-        (true, false) => "tunnelled",
-        (true, true) => "completed",
-    };
+    let verdict = &finished.summary.verdict;
     hand_out(&finished.summary)?;
-    say(table::runs([(&finished.summary, outcome)]))?;
+    say(table::runs([(&finished.summary, verdict.cell())]))?;
     say(format_args!("{} ticks in {}", finished.summary.ticks, out.display()))?;
     if let Some(frames) = frames {
         say(format_args!("{frames} frames for ParaView: {}", out.join("network.pvd").display()))?;
@@ -85,36 +63,63 @@ pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
     if let Some(counts) = &finished.summary.condensation {
         say(counts)?;
     }
-    if finished.summary.patch_folded > 0 {
-        eprintln!(
-            "The patch folded over the tip: in {} ticks it was inside the surface and felt no force; {FOLDED_ADVICE}",
-            finished.summary.patch_folded
-        );
+    if verdict.verdict != Verdict::Pass {
+        eprintln!("{}: {}", verdict.verdict.name(), verdict.reasons.join("; "));
     }
-    let energy = &finished.summary.energy;
-    if finished.fault.is_none() && !energy.is_plausible() {
-        eprintln!(
-            "Warning: the energy residual of {:.1e} J exceeds the instrument's Σ|f·Δq| of {:.1e} J: {ENERGY_ADVICE}",
-            energy.residual_j.abs(),
-            energy.absolute_work_j
-        );
+    if let Some(Fault { cause: FaultCause::Runaway { .. }, .. }) = &finished.fault {
+        eprintln!("{}", runaway_advice(&scene));
     }
-    if let Some(fault) = &finished.fault {
-        eprintln!("{fault}");
-        let is_frozen = scene.local().linearization == Linearization::Tangent(TangentKind::Exact);
-        if matches!(fault.cause, FaultCause::Runaway { .. }) && is_frozen {
-            eprintln!("{RUNAWAY_ADVICE}");
-        }
+    Ok(match verdict.verdict {
+        Verdict::Fail => FAIL,
+        _ if !is_same => FAIL,
+        Verdict::Inconclusive => INCONCLUSIVE,
+        Verdict::Pass => PASS,
+    })
+}
+
+/// Advises on a run that diverged: what the scene does not have yet.
+fn runaway_advice(scene: &Scene) -> String {
+    let Ok(simulation) = Simulation::prepare(scene) else { return String::new() };
+    let steps = TimeSteps::new(scene, &simulation);
+    let step_warning =
+        before_run(scene, &simulation, &steps).into_iter().find(|warning| warning.code.ends_with("-step-limit"));
+    if let Some(warning) = step_warning {
+        return format!("Cause: {warning}");
     }
-    Ok(if finished.summary.passes() && is_same { PASS } else { FAIL })
+    let mut ways = Vec::new();
+    if scene.local().linearization == Linearization::Tangent(TangentKind::Exact) && !scene.is_full() {
+        ways.push("`local.tangent = \"stabilised\"`, as the tangent of compressed springs may be indefinite");
+        ways.push("`local.linearization = \"none\"`");
+    }
+    if !scene.is_full() {
+        ways.push("a higher `global.rate`");
+    }
+    if !scene.contact.scheme.is_impulsive() {
+        ways.push("`contact.scheme = \"massless\"` with `contact.surface = \"subdivision\"`");
+    }
+    ways.push("a smaller drag");
+    format!("The steps are within their stability limits at rest. Try {}", ways.join(", or "))
 }
 
 /// Runs a scene by its schedule and writes its files into a folder. Returns the run, and whether its repetition in
 /// virtual time commanded the same forces to the bit; true for a run that was in virtual time.
-pub fn execute(scene: &Scene, out: &Path, watch: impl FnMut(&TickView)) -> miette::Result<(FinishedRun, bool)> {
+///
+/// `announce` is given the warnings before the run.
+pub fn execute(
+    scene: &Scene,
+    out: &Path,
+    announce: impl FnOnce(&[Warning]),
+    watch: impl FnMut(&TickView),
+) -> miette::Result<(FinishedRun, bool)> {
+    let simulation = Simulation::prepare(scene)?;
+    let foreseen = before_run(scene, &simulation, &TimeSteps::where_in_doubt(scene, &simulation));
+    announce(&foreseen);
     match scene.schedule {
-        Schedule::Lockstep => Ok((run_into(scene, out, watch)?, true)),
-        Schedule::Threads => real_time::execute(scene, out, watch),
+        Schedule::Lockstep => {
+            let run = |simulation: Simulation, observe: &mut dyn FnMut(&TickView)| simulation.run(observe).err();
+            Ok((write_run(scene, simulation, &foreseen, out, watch, run)?, true))
+        }
+        Schedule::Threads => real_time::execute(scene, &foreseen, out, watch),
     }
 }
 
@@ -127,28 +132,34 @@ mod real_time {
     use crate::output::files::{FinishedRun, write_json, write_run};
     use crate::pipeline::TickView;
     use crate::realtime::record::{Quantiles, record};
-    use crate::scene::Scene;
+    use crate::scene::{Scene, Warning};
     use crate::session::{ReplayOutcome, replay};
 
-    pub fn execute(scene: &Scene, out: &Path, watch: impl FnMut(&TickView)) -> miette::Result<(FinishedRun, bool)> {
+    pub fn execute(
+        scene: &Scene,
+        foreseen: &[Warning],
+        out: &Path,
+        watch: impl FnMut(&TickView),
+    ) -> miette::Result<(FinishedRun, bool)> {
         let mut recorded = record(scene, interrupt::flag()?)?;
         let session = &recorded.session;
         let pass = session.passes.first().ok_or_else(|| miette::miette!("the loop recorded no pass"))?;
         let mut replayed = ReplayOutcome::Same { fault: None };
-        let mut finished = write_run(scene, session.prepare(scene, pass)?, out, watch, |simulation, observe| {
-            replayed = replay(simulation, pass, observe);
-            match &replayed {
-                ReplayOutcome::Same { fault } | ReplayOutcome::Ended { fault, .. } => fault.as_deref().copied(),
-                ReplayOutcome::Differs { .. } => None,
-            }
-        })?;
+        let mut finished =
+            write_run(scene, session.prepare(scene, pass)?, foreseen, out, watch, |simulation, observe| {
+                replayed = replay(simulation, pass, observe);
+                match &replayed {
+                    ReplayOutcome::Same { fault } | ReplayOutcome::Ended { fault, .. } => fault.as_deref().copied(),
+                    ReplayOutcome::Differs { .. } => None,
+                }
+            })?;
         let summary = &mut recorded.summary;
         let is_same = matches!(replayed, ReplayOutcome::Same { .. });
         summary.replayed = is_same;
         write_json(&out.join("session.json"), session)?;
         write_json(&out.join("timing.json"), summary)?;
         if summary.stopped {
-            finished.summary.completed = false;
+            finished.summary = finished.summary.with(|summary| summary.completed = false);
             write_json(&out.join("summary.json"), &finished.summary)?;
         }
         let Quantiles { p50, p99, max, .. } = summary.response_ns;
@@ -182,9 +193,14 @@ mod real_time {
 
     use crate::output::files::FinishedRun;
     use crate::pipeline::TickView;
-    use crate::scene::Scene;
+    use crate::scene::{Scene, Warning};
 
-    pub fn execute(_: &Scene, _: &Path, _: impl FnMut(&TickView)) -> miette::Result<(FinishedRun, bool)> {
+    pub fn execute(
+        _: &Scene,
+        _: &[Warning],
+        _: &Path,
+        _: impl FnMut(&TickView),
+    ) -> miette::Result<(FinishedRun, bool)> {
         Err(miette::miette!(
             help = "build with the feature `realtime` on Linux, or give `run.schedule = \"lockstep\"`",
             "this program cannot run scenes with `run.schedule = \"threads\"`"

@@ -16,11 +16,13 @@ use serde::Serialize;
 use super::page::{self, Row};
 use super::progress::Progress;
 use super::terminal::{hand_out, say, significant};
-use super::{FAIL, PASS, folder, load};
+use super::{FAIL, INCONCLUSIVE, PASS, folder, load};
 use crate::output::files::{write_file, write_json};
+use crate::output::verdict::Verdict;
 use crate::pipeline::Simulation;
 use crate::scene::Scene;
 use crate::verify::extremes::{EXTREMES, Extreme, Measured, Outcome, Variant};
+use crate::verify::path_stability::{ModelStability, PathStability};
 use crate::verify::stability_map::{Axis, Boundary, MapError, TOLERANCE, Touching, boundaries, points};
 use crate::verify::z_width::{WallLimit, ZWidthError};
 
@@ -35,7 +37,14 @@ const PATIENCE: Duration = Duration::from_secs(300);
 pub struct StabilityFile {
     version: &'static str,
     scene: String,
-    pub passes: bool,
+    /// Whether the verdict is PASS.
+    passes: bool,
+    /// The worst of the findings.
+    pub verdict: Verdict,
+    /// The findings that decide; of a PASS, all.
+    pub reasons: Vec<String>,
+    /// The local models along the scene's path.
+    path: PathStability,
     maps: Vec<Boundary>,
     /// Reason why there are no stability limits, if so.
     no_maps: Option<String>,
@@ -67,7 +76,7 @@ struct ExtremeEntry {
 }
 
 pub fn stability(scene: &Path, out: Option<PathBuf>) -> miette::Result<u8> {
-    let (scene, _) = load(scene)?;
+    let scene = load(scene)?;
     Simulation::prepare(&scene)?;
     let out = folder(out, &scene)?;
     let file = look(&scene, Coverage::All)?;
@@ -76,6 +85,7 @@ pub fn stability(scene: &Path, out: Option<PathBuf>) -> miette::Result<u8> {
     write_file(&out.join("index.html"), page.into_string().as_bytes())?;
 
     hand_out(&file)?;
+    say(models_table(&file.path.models))?;
     say(extremes_table(&file.extremes))?;
     match &file.no_maps {
         Some(reason) => say(format_args!("no stability limits: {reason}"))?,
@@ -85,8 +95,13 @@ pub fn stability(scene: &Path, out: Option<PathBuf>) -> miette::Result<u8> {
         say(disagreement(boundary))?;
     }
     say(z_width::table(&file.z_width))?;
+    say(format_args!("{}: {}", file.verdict.name(), file.reasons.join("; ")))?;
     say(format_args!("report: {}", out.join("index.html").display()))?;
-    Ok(if file.passes { PASS } else { FAIL })
+    Ok(match file.verdict {
+        Verdict::Fail => FAIL,
+        Verdict::Inconclusive => INCONCLUSIVE,
+        Verdict::Pass => PASS,
+    })
 }
 
 /// Builds the report's section on a scene's stability.
@@ -96,23 +111,44 @@ pub fn brief(scene: &Scene) -> miette::Result<(StabilityFile, Markup)> {
     Ok((file, section))
 }
 
-impl StabilityFile {
-    /// Returns the numbers of findings that are as expected, as a sentence.
-    pub fn counts(&self) -> String {
-        let extremes = self.extremes.iter().filter(|entry| entry.as_expected).count();
-        let maps = self.maps.iter().filter(|boundary| is_explained(boundary)).count();
-        let walls = self.z_width.iter().filter(|limit| limit.agrees).count();
-        format!(
-            "{extremes} of {} extreme scenes end as expected; {maps} of {} stability-limit time steps agree with the \
-             prediction or differ for a known reason; {walls} of {} virtual-wall limits respect the passivity bounds",
-            self.extremes.len(),
-            self.maps.len(),
-            self.z_width.len()
-        )
-    }
+/// Collects the findings of a study: each with its verdict and its number.
+fn findings(
+    path: &PathStability,
+    extremes: &[ExtremeEntry],
+    maps: &Result<Vec<Boundary>, String>,
+    walls: &[WallLimit],
+) -> Vec<(Verdict, String)> {
+    let pass_if = |holds: bool, otherwise: Verdict| if holds { Verdict::Pass } else { otherwise };
+    let as_expected = extremes.iter().filter(|entry| entry.as_expected).count();
+    let respected = walls.iter().filter(|limit| limit.agrees).count();
+    let maps = match maps {
+        Err(reason) => (Verdict::Inconclusive, format!("there are no sweeps of stability limits: {reason}")),
+        Ok(maps) => {
+            let explained = maps.iter().filter(|boundary| is_explained(boundary)).count();
+            let first = maps.iter().find(|boundary| !is_explained(boundary));
+            let open = first.map_or(String::new(), |boundary| format!(": {}", disagreement(boundary)));
+            let found = format!(
+                "{explained} of {} stability-limit time steps agree with the prediction or differ for a known reason{open}",
+                maps.len()
+            );
+            (pass_if(first.is_none(), Verdict::Inconclusive), found)
+        }
+    };
+    vec![
+        (path.verdict, format!("along the path, {}", path.reason)),
+        (
+            pass_if(as_expected == extremes.len(), Verdict::Fail),
+            format!("{as_expected} of {} extreme scenes end as expected", extremes.len()),
+        ),
+        maps,
+        (
+            pass_if(respected == walls.len(), Verdict::Fail),
+            format!("{respected} of {} virtual-wall limits respect the passivity bounds", walls.len()),
+        ),
+    ]
 }
 
-/// Returns whether a limit agrees with its prediction or differs for a known reason; otherwise the command fails.
+/// Returns whether a limit agrees with its prediction or differs for a known reason.
 fn is_explained(boundary: &Boundary) -> bool {
     boundary.agrees || boundary.reason.is_some()
 }
@@ -125,6 +161,10 @@ fn look(scene: &Scene, coverage: Coverage) -> miette::Result<StabilityFile> {
     let covered = EXTREMES.iter().filter(is_covered);
     let extremes: Vec<(&Extreme, Variant)> =
         covered.flat_map(|extreme| extreme.variants().into_iter().map(move |variant| (extreme, variant))).collect();
+    let mut progress = Progress::new(scene.tick_count(), "ticks");
+    progress.begin("local models along the path");
+    let path = PathStability::of(scene, &mut |tick| progress.set(tick))?;
+    drop(progress);
     let mut progress = Progress::new((points.len() + extremes.len() + walls.len()) as u64, "cases");
     progress.begin("extreme scenes");
     let extremes = in_parallel(&extremes, &mut progress, |&(extreme, variant)| entry(extreme, variant));
@@ -138,18 +178,19 @@ fn look(scene: &Scene, coverage: Coverage) -> miette::Result<StabilityFile> {
     let walls: Result<Vec<WallLimit>, ZWidthError> = walls.into_iter().collect();
     let walls = walls.map_err(|error| miette::miette!("cannot measure virtual walls: {error}"))?;
     let maps: Result<Vec<[Boundary; 2]>, MapError> = maps.into_iter().collect();
-    let (maps, no_maps): (Vec<Boundary>, _) = match maps {
-        Ok(maps) => (maps.into_iter().flatten().collect(), None),
-        Err(error) => (Vec::new(), Some(error.to_string())),
-    };
-
+    let maps = maps.map(|maps| maps.into_iter().flatten().collect()).map_err(|error| error.to_string());
+    let findings = findings(&path, &extremes, &maps, &walls);
+    let verdict = findings.iter().map(|(verdict, _)| *verdict).min().unwrap_or(Verdict::Inconclusive);
+    let decides = findings.into_iter().filter(|(found, _)| *found == verdict);
+    let (reasons, no_maps) = (decides.map(|(_, reason)| reason).collect(), maps.as_ref().err().cloned());
     Ok(StabilityFile {
         version: env!("CARGO_PKG_VERSION"),
         scene: scene.name.clone(),
-        passes: maps.iter().all(is_explained)
-            && walls.iter().all(|limit| limit.agrees)
-            && extremes.iter().all(|entry| entry.as_expected),
-        maps,
+        passes: verdict == Verdict::Pass,
+        verdict,
+        reasons,
+        path,
+        maps: maps.unwrap_or_default(),
         no_maps,
         z_width: walls,
         extremes,
@@ -204,6 +245,28 @@ fn in_parallel<T: Sync, R: Send>(items: &[T], progress: &mut Progress, of: impl 
     let (mut results, _) = done.into_inner().unwrap_or_else(PoisonError::into_inner);
     results.sort_by_key(|(index, _)| *index);
     results.into_iter().map(|(_, result)| result).collect()
+}
+
+const MODEL_HEAD: [&str; 5] =
+    ["model from tick", "mode", "stability-limit time step", "growth within a cycle", "growth rate (1/s)"];
+
+fn model_row(model: &ModelStability) -> [String; 5] {
+    [
+        model.tick.to_string(),
+        model.mode.to_owned(),
+        step(model.limit_s),
+        significant(model.growth_per_cycle) + if model.settled { "" } else { ", not settled" },
+        significant(model.growth_rate_per_s),
+    ]
+}
+
+fn models_table(models: &[ModelStability]) -> Table {
+    let mut table = Table::new();
+    table.load_style(UTF8_FULL_CONDENSED).set_header(MODEL_HEAD);
+    models.iter().for_each(|model| {
+        table.add_row(model_row(model));
+    });
+    table
 }
 
 const EXTREME_HEAD: [&str; 5] = ["extreme scene", "contact", "expected result", "result", "detail"];
@@ -312,7 +375,7 @@ fn figure(_: Axis, _: &[Boundary]) -> miette::Result<String> {
 }
 
 fn section(file: &StabilityFile) -> miette::Result<Markup> {
-    let StabilityFile { scene, maps, no_maps, z_width: walls, extremes, omitted, .. } = file;
+    let StabilityFile { scene, path, maps, no_maps, z_width: walls, extremes, omitted, .. } = file;
     let figures = Axis::ALL.map(|axis| figure(axis, maps)).into_iter().collect::<miette::Result<Vec<_>>>()?;
     let extreme = |entry: &ExtremeEntry| Row {
         class: (!entry.as_expected).then(|| "unexpected".to_owned()),
@@ -320,6 +383,17 @@ fn section(file: &StabilityFile) -> miette::Result<Markup> {
     };
     Ok(html! {
         h2 #stability { "Stability" }
+        h3 { "Local models along the path" }
+        p {
+            "Of every local model that " (scene) " uses along its path: the stability-limit time step of explicit integration at its \
+             state, and the factor by which its fastest-growing mode grows within a cycle, with the contact held as it is then. \
+             A factor above 1 is a model that diverges if it is kept. "
+            b { (path.verdict.name()) } ": " (path.reason) "."
+        }
+        details {
+            summary { "Table of all models" }
+            (page::table("", MODEL_HEAD, path.models.iter().map(|model| Row { class: None, cells: model_row(model) })))
+        }
         h3 { "Stability-limit time steps of the local model" }
         p {
             "Longest stable time step of the local model of " (scene) " at rest, free and with a point held by the tip. \

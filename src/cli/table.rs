@@ -8,7 +8,7 @@ use crate::output::summary::Summary;
 /// Column headings of [`row`].
 pub const HEAD: [&str; 9] = [
     "scene",
-    "outcome",
+    "verdict",
     "ticks: free / stick / slide / slip",
     "peak F_N (N)",
     "peak F_T (N)",
@@ -19,12 +19,12 @@ pub const HEAD: [&str; 9] = [
 ];
 
 /// Builds a run's row.
-pub fn row(summary: &Summary, outcome: &str) -> [String; 9] {
+pub fn row(summary: &Summary, verdict: &str) -> [String; 9] {
     let ticks = &summary.mode_ticks;
     let residual = 100.0 * summary.energy.residual_relative;
     [
         summary.scene.clone(),
-        outcome.to_owned(),
+        verdict.to_owned(),
         format!("{} / {} / {} / {}", ticks.free, ticks.stick, ticks.slide, ticks.slip),
         fixed(summary.largest_normal_force_n, 3),
         fixed(summary.largest_tangential_force_n, 3),
@@ -41,11 +41,11 @@ pub fn fixed(value: f64, decimals: usize) -> String {
 }
 
 /// Builds the table of runs.
-pub fn runs<'a>(runs: impl IntoIterator<Item = (&'a Summary, &'a str)>) -> Table {
+pub fn runs<'a>(runs: impl IntoIterator<Item = (&'a Summary, String)>) -> Table {
     let mut table = Table::new();
     table.load_style(UTF8_FULL_CONDENSED).set_header(HEAD);
-    for (summary, outcome) in runs {
-        table.add_row(row(summary, outcome));
+    for (summary, verdict) in runs {
+        table.add_row(row(summary, &verdict));
     }
     table
 }

@@ -82,6 +82,8 @@ impl Interpolation {
 pub struct TipPath {
     waypoints: Vec<Waypoint>,
     interpolation: Interpolation,
+    /// File that the path was read from, if it was recorded.
+    recording: Option<PathBuf>,
 }
 
 /// What is wrong with a path.
@@ -173,12 +175,22 @@ impl TipPath {
                 return Err(PathError::NotAscending { index, time: pair[1].time, before: pair[0].time });
             }
         }
-        Ok(Self { waypoints, interpolation: Interpolation::Linear })
+        Ok(Self { waypoints, interpolation: Interpolation::Linear, recording: None })
     }
 
     /// Returns the path through the same waypoints with another motion between them.
     pub fn with_interpolation(self, interpolation: Interpolation) -> Self {
         Self { interpolation, ..self }
+    }
+
+    /// Names the file that the path was read from.
+    pub fn with_recording(self, file: PathBuf) -> Self {
+        Self { recording: Some(file), ..self }
+    }
+
+    /// Returns the file that the path was read from, if it was recorded.
+    pub fn recording(&self) -> Option<&FilePath> {
+        self.recording.as_deref()
     }
 
     /// Reads a recording: CSV with the header `t,x,y,z`, in s and m.
@@ -258,7 +270,7 @@ impl TipPath {
     pub fn transformed(&self, slower: f64, to: impl Fn(Vec3) -> Vec3) -> Self {
         let waypoints = self.waypoints.iter();
         let waypoint = |w: &Waypoint| Waypoint { time: w.time * slower, position: to(w.position) };
-        Self { waypoints: waypoints.map(waypoint).collect(), interpolation: self.interpolation }
+        Self { waypoints: waypoints.map(waypoint).collect(), ..self.clone() }
     }
 
     /// Returns the largest speed of the tip, m/s.

@@ -69,7 +69,7 @@ impl Recording {
         if let Some(hz) = self.filter_hz {
             smooth(&mut waypoints, hz);
         }
-        TipPath::new(waypoints)
+        Ok(TipPath::new(waypoints)?.with_recording(path.to_owned()))
     }
 
     /// Finds the columns in a header.
@@ -120,7 +120,7 @@ mod tests {
     fn the_filter_halves_its_frequency_without_lag() {
         // Sines sampled unevenly, at 0.4 and 0.6 ms: linear motion between samples is within 1e-5 of the sine.
         for (hz, left) in [(10.0, 0.5), (1.0, 1.0 / 1.01), (100.0, 1.0 / 101.0)] {
-            let time = |i: usize| i as f64 * 5e-4 + if i % 2 == 0 { 0.0 } else { -1e-4 };
+            let time = |i: usize| i as f64 * 5e-4 + if i.is_multiple_of(2) { 0.0 } else { -1e-4 };
             let sine = |t: f64| (std::f64::consts::TAU * hz * t).sin();
             let mut waypoints: Vec<Waypoint> =
                 (0..8000).map(|i| Waypoint { time: time(i), position: Vec3::x() * sine(time(i)) }).collect();

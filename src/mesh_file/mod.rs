@@ -23,7 +23,7 @@ pub use shell::Layers;
 
 use self::error::Flaw;
 use crate::Vec3;
-use crate::model::mesh::Mesh;
+use crate::model::mesh::{Mesh, bounding_box};
 
 /// Largest memory for reading and checking, per byte of the file. Text of 10 bytes can name a tetrahedron, whose cell,
 /// edges and faces are then stored, twice while they are sorted.
@@ -60,14 +60,14 @@ pub struct FileMesh {
 impl FileMesh {
     /// Largest extent along an axis, m.
     pub fn extent(&self) -> f64 {
-        surface::bounding_box(self.mesh.nodes.iter().copied()).1.amax()
+        bounding_box(self.mesh.nodes.iter().copied()).1.amax()
     }
 
     /// Returns for each node whether its height is the lowest, to a millionth of the bounding box's diagonal: the
     /// precision with which programs write a plane in 32-bit coordinates.
     pub fn bottom(&self) -> impl Iterator<Item = bool> {
         const FLAT: f64 = 1e-6;
-        let (lowest, extents) = surface::bounding_box(self.mesh.nodes.iter().copied());
+        let (lowest, extents) = bounding_box(self.mesh.nodes.iter().copied());
         let height = lowest.z + FLAT * extents.norm();
         self.mesh.nodes.iter().map(move |node| node.z <= height)
     }

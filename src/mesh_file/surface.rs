@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use super::SAME_PLACE;
 use super::error::MeshProblem;
 use crate::Vec3;
-use crate::model::mesh::Mesh;
+use crate::model::mesh::{Mesh, bounding_box};
 use crate::model::topology::Surface;
 
 /// Ratio of twice the area to the square of the longest edge, below which a triangle is flat; the limit is that for
@@ -35,13 +35,6 @@ pub fn distinct(nodes: &[Vec3], is_used: &[bool]) -> Result<(), MeshProblem> {
         grid.insert(cell, node);
     }
     Ok(())
-}
-
-/// Returns the lowest corner and the extents.
-pub fn bounding_box(points: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
-    let empty = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
-    let (lowest, highest) = points.fold(empty, |(low, high), x| (low.inf(&x), high.sup(&x)));
-    (lowest, highest - lowest)
 }
 
 /// Checks that elements connect all used nodes.

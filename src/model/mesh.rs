@@ -224,6 +224,13 @@ impl Block {
     }
 }
 
+/// Returns the lowest corner and the extents of a box around points, m.
+pub fn bounding_box(points: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
+    let empty = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
+    let (lowest, highest) = points.fold(empty, |(low, high), x| (low.inf(&x), high.sup(&x)));
+    (lowest, highest - lowest)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

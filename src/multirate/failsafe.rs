@@ -10,6 +10,7 @@ use crate::contact::simulation::LocalSimulation;
 use crate::device::instrument::InstrumentFault;
 use crate::device::phantom::DeviceError;
 use crate::local::error::ModelError;
+use crate::model::mesh::bounding_box;
 use crate::model::state::State;
 
 /// A node has diverged if its displacement exceeds this many diagonals of the rest mesh.
@@ -108,9 +109,8 @@ pub struct Bounds {
 impl Bounds {
     /// Sets bounds for a mesh with these rest positions, and for contact forces up to `force_n`.
     pub fn new(rest: &[Vec3], force_n: f64) -> Self {
-        let lower = rest.iter().copied().reduce(|a, b| a.inf(&b)).unwrap_or_default();
-        let upper = rest.iter().copied().reduce(|a, b| a.sup(&b)).unwrap_or_default();
-        Self { runaway_m: RUNAWAY_DIAGONALS * (upper - lower).norm(), force_n }
+        let (_, extents) = bounding_box(rest.iter().copied());
+        Self { runaway_m: RUNAWAY_DIAGONALS * extents.norm(), force_n }
     }
 
     /// Finds a fault of the network at a boundary. The exterior moves only there, so every node is checked.

@@ -11,12 +11,14 @@ use tempfile::NamedTempFile;
 use thiserror::Error;
 
 use super::summary::{Recorder, Sample, Summary};
+use super::time_steps::TimeSteps;
 use super::trace::TraceRow;
+use super::warnings::{after_run, before_run};
 use crate::model::network::Network;
 use crate::model::topology::Surface;
 use crate::multirate::failsafe::Fault;
 use crate::pipeline::{Simulation, TickView};
-use crate::scene::{Scene, SceneError};
+use crate::scene::{Scene, SceneError, Warning};
 
 /// A file or folder that cannot be written.
 #[derive(Debug, Error, Diagnostic)]
@@ -62,23 +64,24 @@ pub struct FinishedRun {
 /// If the scene cannot start, in which case nothing is written, or if a file cannot be written.
 ///
 /// ```
-/// use stickslip::{output::files::run_into, scene::Scene};
+/// use stickslip::{output::{files::run_into, verdict::Verdict}, scene::Scene};
 ///
 /// // The tip meets the block after 80 ticks.
 /// let mut scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let folder = tempfile::tempdir()?;
 /// let run = run_into(&scene, folder.path(), |_| ())?;
-/// assert!(run.summary.passes() && run.fault.is_none());
+/// assert!(run.summary.verdict.verdict == Verdict::Pass && run.fault.is_none());
 /// let trace = std::fs::read_to_string(folder.path().join("trace.csv"))?;
 /// assert_eq!((run.samples.len(), trace.lines().count()), (150, 1 + 150));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn run_into(scene: &Scene, out: &Path, watch: impl FnMut(&TickView)) -> Result<FinishedRun, RunFilesError> {
     let simulation = Simulation::prepare(scene)?;
-    Ok(write_run(scene, simulation, out, watch, |simulation, observe| simulation.run(observe).err())?)
+    let foreseen = before_run(scene, &simulation, &TimeSteps::where_in_doubt(scene, &simulation));
+    Ok(write_run(scene, simulation, &foreseen, out, watch, |simulation, observe| simulation.run(observe).err())?)
 }
 
-/// Writes the files of a simulation that `drive` runs. `drive` calls its second argument after every tick, and returns
+/// Writes the files of a simulation that `drive` runs. `foreseen` are the warnings before the run. `drive` calls its second argument after every tick, and returns
 /// the fault if one ended the run.
 ///
 /// # Errors
@@ -90,7 +93,7 @@ pub fn run_into(scene: &Scene, out: &Path, watch: impl FnMut(&TickView)) -> Resu
 /// // The first tenth of a run.
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
 /// let folder = tempfile::tempdir()?;
-/// let run = write_run(&scene, Simulation::prepare(&scene)?, folder.path(), |_| (), |simulation, mut observe| {
+/// let run = write_run(&scene, Simulation::prepare(&scene)?, &[], folder.path(), |_| (), |simulation, mut observe| {
 ///     let mut run = Lockstep::new(simulation);
 ///     (0..120).try_for_each(|_| run.step().map(|view| view.iter().for_each(&mut observe))).err()
 /// })?;
@@ -100,6 +103,7 @@ pub fn run_into(scene: &Scene, out: &Path, watch: impl FnMut(&TickView)) -> Resu
 pub fn write_run(
     scene: &Scene,
     simulation: Simulation,
+    foreseen: &[Warning],
     out: &Path,
     mut watch: impl FnMut(&TickView),
     drive: impl FnOnce(Simulation, &mut dyn FnMut(&TickView)) -> Option<Fault>,
@@ -135,6 +139,8 @@ pub fn write_run(
     .map_err(failed(&path))?;
 
     let summary = recorder.summary(scene, fault.as_ref(), start.elapsed().as_secs_f64());
+    let warnings = after_run(foreseen, summary.contact_ticks());
+    let summary = summary.with(|summary| summary.warnings = warnings);
     #[cfg(feature = "plots")]
     {
         let path = out.join("forces.svg");

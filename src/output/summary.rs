@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::measures::ContactMeasures;
 use super::spectrum::power_above;
+use super::verdict::RunVerdict;
 use crate::Vec3;
 use crate::contact::law::Mode;
 use crate::device::coupled::DeviceView;
@@ -12,7 +13,7 @@ use crate::model::work::WorkCounts;
 use crate::multirate::failsafe::Fault;
 use crate::multirate::timeline::{DeadlineOutcome, OverrunPolicy};
 use crate::pipeline::TickView;
-use crate::scene::Scene;
+use crate::scene::{Scene, Warning};
 
 /// Frequency above which a force counts as ripple, Hz.
 const RIPPLE_HZ: f64 = 100.0;
@@ -33,23 +34,30 @@ pub struct Sample {
 }
 
 impl Summary {
-    /// Returns whether the run passes: it reached its duration, the tip never tunnelled, and the patch never folded.
-    pub fn passes(&self) -> bool {
-        self.completed && self.tunnelling_ticks == 0 && self.patch_folded == 0
+    /// Returns the number of ticks in contact.
+    pub fn contact_ticks(&self) -> u64 {
+        self.ticks - self.mode_ticks.free
+    }
+
+    /// Takes over what was learnt after the run: that it was stopped, warnings. The verdict follows.
+    pub fn with(mut self, change: impl FnOnce(&mut Self)) -> Self {
+        change(&mut self);
+        self.verdict = RunVerdict::of(&self, None, None);
+        self
     }
 }
 
 /// Recorder of a run's ticks.
 ///
 /// ```
-/// use stickslip::{output::summary::Recorder, pipeline, scene::Scene};
+/// use stickslip::{output::{summary::Recorder, verdict::Verdict}, pipeline, scene::Scene};
 ///
 /// // The tip meets the block after 80 ticks.
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program").with_ticks(150);
 /// let mut recorder = Recorder::default();
 /// pipeline::run(&scene, |tick| recorder.record(tick))?;
 /// let summary = recorder.summary(&scene, None, 0.1);
-/// assert!(summary.passes());
+/// assert_eq!(summary.verdict.verdict, Verdict::Pass);
 /// assert_eq!((summary.ticks, summary.mode_ticks.free, summary.collisions), (150, 80, 1));
 /// // Without friction the force is along the normal.
 /// let samples = recorder.samples();
@@ -200,14 +208,6 @@ pub struct EnergySummary {
     pub residual_relative: f64,
 }
 
-impl EnergySummary {
-    /// Returns whether the energy residual is at most Σ |f·Δq|; true without contact. The geometric scheme moves nodes
-    /// without work: in shipped scenes that end without a fault the residual is up to 0.39 of Σ |f·Δq|.
-    pub fn is_plausible(&self) -> bool {
-        self.absolute_work_j == 0.0 || self.residual_j.abs() <= self.absolute_work_j
-    }
-}
-
 /// Quantities of a run.
 #[derive(Debug, Clone, Serialize)]
 pub struct Summary {
@@ -219,6 +219,10 @@ pub struct Summary {
     pub completed: bool,
     /// The fault that ended it, if one did.
     pub fault: Option<String>,
+    /// Verdict on the run, from what follows.
+    pub verdict: RunVerdict,
+    /// Warnings before and after the run.
+    pub warnings: Vec<Warning>,
     /// Parts of the pipeline that the scene does not need.
     pub left_out: Vec<String>,
     /// Number of ticks, each a row of the trace.
@@ -347,11 +351,13 @@ impl Recorder {
         let forces: Vec<Vec3> = samples.iter().map(|sample| sample.force).collect();
         let frictional = mode_ticks.stick + mode_ticks.slip;
         let time = samples.last().map_or(0.0, |sample| sample.time);
-        Summary {
+        let summary = Summary {
             scene: scene.name.clone(),
             version: env!("CARGO_PKG_VERSION"),
             completed: fault.is_none(),
             fault: fault.map(ToString::to_string),
+            verdict: RunVerdict::nothing(),
+            warnings: Vec::new(),
             left_out: scene.parts().iter().filter(|part| !part.needed).map(|part| part.to_string()).collect(),
             ticks: samples.len() as u64,
             mode_ticks,
@@ -395,6 +401,7 @@ impl Recorder {
             }),
             device: self.device,
             wall_time_s,
-        }
+        };
+        summary.with(|_| ())
     }
 }

@@ -3,6 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::Warning;
 use crate::mesh_file::FileMesh;
 use crate::model::material::Bulk;
 use crate::model::mesh::{Block, Mesh};
@@ -88,7 +89,7 @@ impl MeshSource {
     }
 
     /// Returns warnings about what may be unintended in the mesh, with these nodes fixed.
-    pub(super) fn warnings(&self, fixed: &[bool]) -> Vec<String> {
+    pub(super) fn warnings(&self, fixed: &[bool]) -> Vec<Warning> {
         match self {
             MeshSource::Block(_) => Vec::new(),
             MeshSource::File(file) => warnings(file, fixed),
@@ -108,27 +109,30 @@ impl From<FileMesh> for MeshSource {
     }
 }
 
-fn warnings(file: &FileMesh, fixed: &[bool]) -> Vec<String> {
+fn warnings(file: &FileMesh, fixed: &[bool]) -> Vec<Warning> {
     let mut warnings = Vec::new();
     let extent = file.extent();
     if !USUAL_EXTENTS.contains(&extent) {
-        warnings.push(format!(
+        warnings.push(Warning::new("mesh-unit", format!(
             "the mesh is {extent:e} m large: if its file is in mm, `mesh.scale = 0.001` makes it m; without `scale` a unit \
              of the file is 1 m"
-        ));
+        )));
     }
     if file.unused_nodes > 0 {
-        warnings.push(format!(
-            "{} nodes of the mesh's file are omitted, as no element uses them: indices count the others",
-            file.unused_nodes
+        warnings.push(Warning::new(
+            "mesh-unused-nodes",
+            format!(
+                "{} nodes of the mesh's file are omitted, as no element uses them: indices count the others",
+                file.unused_nodes
+            ),
         ));
     }
     let held = fixed.iter().filter(|&&is_fixed| is_fixed).count();
     if (1..3).contains(&held) {
-        warnings.push(format!(
+        warnings.push(Warning::new("mesh-pivot", format!(
             "the mesh is fixed at {held} of its nodes, about which it can turn: `mesh.fixed = {{ below_z = … }}` fixes \
              a region"
-        ));
+        )));
     }
     warnings
 }

@@ -11,6 +11,7 @@ mod parts;
 mod place;
 mod read;
 mod shipped;
+mod warning;
 mod words;
 
 use std::path::Path;
@@ -21,6 +22,7 @@ pub use error::{Problem, SceneError};
 pub use mesh::MeshSource;
 pub use parts::Part;
 pub use shipped::{Expectation, SHIPPED, Shipped};
+pub use warning::Warning;
 pub use words::{ExteriorName, LawName, LinearizationName, LocalModelName, Rings, SchemeName};
 
 use place::nearest;
@@ -237,8 +239,10 @@ impl Scene {
     }
 
     /// Returns warnings about settings that are accepted but may be unintended.
-    pub fn warnings(&self) -> Vec<String> {
-        self.mesh.warnings(&self.fixed)
+    pub fn warnings(&self) -> Vec<Warning> {
+        let mut warnings = self.mesh.warnings(&self.fixed);
+        warnings.extend(warning::of_motion(self));
+        warnings
     }
 
     /// Returns the path that the scene was read from, or the name of a scene that was shipped or built.

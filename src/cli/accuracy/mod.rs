@@ -165,7 +165,7 @@ struct Best {
 }
 
 pub fn accuracy(arguments: &AccuracyArguments) -> miette::Result<u8> {
-    let (scene, _) = load(&arguments.scene)?;
+    let scene = load(&arguments.scene)?;
     let coverage = if arguments.all { Coverage::All } else { Coverage::Default };
     let grid = accuracy::grid(&scene, coverage)?;
     let out = folder(arguments.out.clone(), &scene)?;

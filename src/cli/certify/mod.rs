@@ -96,7 +96,7 @@ fn policy_parser() -> impl TypedValueParser<Value = OverrunPolicy> {
 
 /// Returns the scene with the changes of the command line.
 fn asked_for(arguments: &CertifyArguments) -> miette::Result<Scene> {
-    let (mut scene, _) = load(&arguments.scene)?;
+    let mut scene = load(&arguments.scene)?;
     if let Some(rate) = arguments.rate {
         scene = scene.with_local_rate_hz(rate)?;
     }

@@ -25,7 +25,7 @@ use super::progress::Progress;
 use super::run::execute;
 use super::stability::{self, StabilityFile};
 use super::terminal::{hand_out, say};
-use super::{FAIL, PASS, load, page, table};
+use super::{FAIL, INCONCLUSIVE, PASS, page, read, table, warn};
 use crate::output::files::{write_file, write_json};
 use crate::output::frames::FrameRecorder;
 use crate::pipeline::Simulation;
@@ -140,21 +140,34 @@ pub fn report(arguments: &ReportArguments) -> miette::Result<u8> {
     write_file(&out.join("index.html"), whole_page(&verdicts, &sections).into_string().as_bytes())?;
 
     hand_out(&file)?;
-    say(table::runs(reported.iter().map(|r| (r.summary(), r.outcome()))))?;
+    say(table::runs(reported.iter().map(|r| (r.summary(), r.verdict().cell()))))?;
     say(verdict::lines(&verdicts))?;
     say(format_args!("report: {}", out.join("index.html").display()))?;
-    let fails = verdicts.iter().any(|verdict| verdict.decides && verdict.outcome == VerdictStatus::Fail);
-    Ok(if fails { FAIL } else { PASS })
+    Ok(match verdicts.iter().filter(|verdict| verdict.decides).map(|verdict| verdict.outcome).min() {
+        Some(VerdictStatus::Fail) => FAIL,
+        Some(VerdictStatus::Inconclusive) => INCONCLUSIVE,
+        Some(VerdictStatus::Pass) | None => PASS,
+    })
 }
 
+/// Files of a report beside the folders of its scenes.
+const OWN_FILES: [&str; 2] = ["index.html", "report.json"];
+
 /// Loads and prepares all scenes before the first one runs.
-fn checked(scenes: &[PathBuf]) -> miette::Result<Vec<(Scene, Expectation)>> {
+fn checked(scenes: &[PathBuf]) -> miette::Result<Vec<(Scene, Option<Expectation>)>> {
     let shipped = SHIPPED.iter().map(|shipped| shipped.name.into());
     let scenes: Vec<PathBuf> = if scenes.is_empty() { shipped.collect() } else { scenes.to_vec() };
-    let scenes: Vec<(Scene, Expectation)> =
-        scenes.iter().map(|scene| load(scene)).collect::<Result<_, SceneError>>()?;
+    let scenes: Vec<(Scene, Option<Expectation>)> =
+        scenes.iter().map(|scene| read(scene)).collect::<Result<_, SceneError>>()?;
     for (i, (scene, _)) in scenes.iter().enumerate() {
         Simulation::prepare(scene)?;
+        if OWN_FILES.contains(&scene.name.as_str()) {
+            return Err(miette::miette!(
+                help = "give the scene another `name`",
+                "a scene is named {:?}, which is a file of the report itself",
+                scene.name
+            ));
+        }
         if scenes[..i].iter().any(|(other, _)| other.name == scene.name) {
             return Err(miette::miette!(
                 help = "give each scene a `name` of its own",
@@ -166,13 +179,13 @@ fn checked(scenes: &[PathBuf]) -> miette::Result<Vec<(Scene, Expectation)>> {
     Ok(scenes)
 }
 
-fn run_all(scenes: &[(Scene, Expectation)], out: &Path) -> miette::Result<Vec<Reported>> {
+fn run_all(scenes: &[(Scene, Option<Expectation>)], out: &Path) -> miette::Result<Vec<Reported>> {
     let mut progress = Progress::new(scenes.iter().map(|(scene, _)| scene.tick_count()).sum(), "ticks");
     let mut reported = Vec::with_capacity(scenes.len());
     for (scene, expectation) in scenes {
         progress.begin(&scene.name);
         let mut recorder = FrameRecorder::new(scene, view::share(scenes.len()));
-        let (run, _) = execute(scene, &out.join(&scene.name), |view| {
+        let (run, _) = execute(scene, &out.join(&scene.name), warn, |view| {
             recorder.record(view);
             progress.set(view.tick + 1);
         })?;
@@ -206,15 +219,16 @@ fn accuracy_verdict(file: &AccuracyFile) -> Verdict {
     let (outcome, reason) = match (file.failure(), file.best_in_words()) {
         (Some(failure), _) => (VerdictStatus::Fail, failure),
         (None, (true, best)) => (VerdictStatus::Pass, best),
-        // Which methods are fast enough depends on the machine.
         (None, (false, none)) => (VerdictStatus::Inconclusive, none),
     };
-    Verdict { what: "accuracy".to_owned(), outcome, reason, decides: true, section: "accuracy" }
+    // Which methods are fast enough depends on the machine.
+    let decides = outcome == VerdictStatus::Fail;
+    Verdict { what: "accuracy".to_owned(), outcome, reason, decides, section: "accuracy" }
 }
 
 fn stability_verdict(file: &StabilityFile) -> Verdict {
-    let outcome = VerdictStatus::pass_if(file.passes);
-    Verdict { what: "stability".to_owned(), outcome, reason: file.counts(), decides: true, section: "stability" }
+    let (outcome, reason) = (file.verdict, file.reasons.join("; "));
+    Verdict { what: "stability".to_owned(), outcome, reason, decides: true, section: "stability" }
 }
 
 /// Makes a short certificate with its two verdicts on this machine. If it fails, the rest of the report still stands.

@@ -3,19 +3,23 @@
 use maud::{Markup, PreEscaped, html};
 use serde::Serialize;
 
-use super::verdict::{Verdict, VerdictStatus};
+use super::verdict::Verdict as ReportVerdict;
 use crate::cli::page::{self, Row};
 use crate::cli::table;
 use crate::output::files::FinishedRun;
 use crate::output::frames::{Frames, NoFrames};
 use crate::output::summary::Summary;
+use crate::output::verdict::{DOUBTFUL_RESIDUAL, RunVerdict, Verdict};
 use crate::scene::{Expectation, Scene};
 use crate::verify::baseline::Provenance;
+use crate::verify::short_reference::ShortReference;
 
 /// A scene's run with its figure, frames and provenance.
 pub struct Reported {
     run: FinishedRun,
-    expectation: Expectation,
+    expectation: Option<Expectation>,
+    reference: ShortReference,
+    verdict: RunVerdict,
     figure: String,
     pub frames: Result<Frames, NoFrames>,
     pub provenance: Provenance,
@@ -24,8 +28,12 @@ pub struct Reported {
 /// A run in `report.json`.
 #[derive(Serialize)]
 pub struct RunEntry<'a> {
-    as_expected: bool,
-    outcome: &'static str,
+    /// Verdict on the run, with its reference and its stated expectation.
+    verdict: &'a RunVerdict,
+    /// Whether a shipped scene ended as is stated of it; absent without such a statement.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    as_expected: Option<bool>,
+    reference: &'a ShortReference,
     scene_sha256: &'a str,
     summary: &'a Summary,
 }
@@ -34,11 +42,17 @@ impl Reported {
     pub fn new(
         scene: &Scene,
         run: FinishedRun,
-        expectation: Expectation,
+        expectation: Option<Expectation>,
         frames: Result<Frames, NoFrames>,
     ) -> miette::Result<Self> {
         let (figure, provenance) = (figure(&run, &scene.name)?, Provenance::of(scene));
-        Ok(Self { run, expectation, figure, frames, provenance })
+        let reference = match (&run.fault, expectation) {
+            // A run that diverges as it should has no force to compare.
+            (Some(_), _) => ShortReference::None("the run ended in a fault".to_owned()),
+            _ => ShortReference::of(scene, &run.samples),
+        };
+        let verdict = RunVerdict::of(&run.summary, reference.force_error(), expectation);
+        Ok(Self { run, expectation, reference, verdict, figure, frames, provenance })
     }
 
     pub fn summary(&self) -> &Summary {
@@ -49,57 +63,51 @@ impl Reported {
         &self.run.summary.scene
     }
 
-    pub fn as_expected(&self) -> bool {
-        match self.expectation {
-            Expectation::Completes => self.run.summary.passes(),
-            Expectation::Faults => !self.run.summary.completed && self.run.summary.tunnelling_ticks == 0,
-        }
+    pub fn verdict(&self) -> &RunVerdict {
+        &self.verdict
     }
 
-    pub fn outcome(&self) -> &'static str {
-        match (self.run.summary.completed, self.as_expected()) {
-            (true, true) => "completed",
-            (false, true) => "fault, as expected",
-            (true, false) => "completed, UNEXPECTED",
-            (false, false) => "fault, UNEXPECTED",
-        }
+    fn passes(&self) -> bool {
+        self.verdict.verdict == Verdict::Pass
     }
 
     pub fn entry(&self) -> RunEntry<'_> {
         RunEntry {
-            as_expected: self.as_expected(),
-            outcome: self.outcome(),
+            verdict: &self.verdict,
+            as_expected: self.expectation.map(|_| self.passes()),
+            reference: &self.reference,
             scene_sha256: &self.provenance.scene_sha256,
             summary: &self.run.summary,
         }
     }
-
-    /// Returns the reason why the run is not as expected.
-    fn complaint(&self) -> String {
-        let summary = &self.run.summary;
-        match &summary.fault {
-            Some(fault) => format!("{}: {fault}", self.outcome()),
-            None if summary.patch_folded > 0 => {
-                format!("the patch folded over the tip in {} ticks", summary.patch_folded)
-            }
-            None if summary.tunnelling_ticks > 0 => {
-                format!("the tip passed through the surface in {} ticks", summary.tunnelling_ticks)
-            }
-            None => self.outcome().to_owned(),
-        }
-    }
 }
 
-/// Returns one verdict per scene that did not end as expected, and one for all others.
-pub fn verdicts(reported: &[Reported]) -> Vec<Verdict> {
-    let of = |what: String, outcome, reason| Verdict { what, outcome, reason, decides: true, section: "experiments" };
-    let failed = reported.iter().filter(|r| !r.as_expected());
-    let mut verdicts: Vec<Verdict> =
-        failed.map(|r| of(r.name().to_owned(), VerdictStatus::Fail, r.complaint())).collect();
-    let passed = reported.len() - verdicts.len();
-    if passed > 0 {
-        let reason = format!("{passed} of {} scenes end as expected", reported.len());
-        verdicts.push(of("experiments".to_owned(), VerdictStatus::Pass, reason));
+/// Returns one verdict per scene that does not pass, and one each for the shipped scenes and the others that do.
+pub fn verdicts(reported: &[Reported]) -> Vec<ReportVerdict> {
+    let of =
+        |what: String, outcome, reason| ReportVerdict { what, outcome, reason, decides: true, section: "experiments" };
+    let failed = reported.iter().filter(|r| !r.passes());
+    let mut verdicts: Vec<ReportVerdict> =
+        failed.map(|r| of(r.name().to_owned(), r.verdict.verdict, r.verdict.reasons.join("; "))).collect();
+    let (shipped, own): (Vec<_>, Vec<_>) = reported.iter().partition(|r| r.expectation.is_some());
+    let passed = |runs: &[&Reported]| runs.iter().filter(|r| r.passes()).count();
+    if passed(&shipped) > 0 {
+        let reason = format!(
+            "{} of {} shipped scenes end as is stated of them, within their stated energy residuals",
+            passed(&shipped),
+            shipped.len()
+        );
+        verdicts.push(of("experiments".to_owned(), Verdict::Pass, reason));
+    }
+    if passed(&own) > 0 {
+        let compared = own.iter().filter(|r| r.reference.force_error().is_some()).count();
+        let reason = format!(
+            "{} of {} scenes touch the body, without fault or tunnelling, with an energy residual of at most \
+             {DOUBTFUL_RESIDUAL} of the work; the force of {compared} was compared with the whole network's",
+            passed(&own),
+            own.len()
+        );
+        verdicts.push(of("scenes".to_owned(), Verdict::Pass, reason));
     }
     verdicts
 }
@@ -127,6 +135,13 @@ fn figure_of(r: &Reported) -> Markup {
                 @if let Some(share) = r.run.summary.stick_share {
                     (format!("The contact sticks in {:.0} % of its stick and slip ticks. ", 100.0 * share))
                 }
+                @if let ShortReference::Compared { ticks, force_error_rms_rel } = &r.reference {
+                    (format!(
+                        "Over its first {ticks} ticks the force is {:.1} % off that of the whole network at the haptic rate. ",
+                        100.0 * force_error_rms_rel
+                    ))
+                }
+                @for warning in &r.run.summary.warnings { "Warning: " (warning) ". " }
                 @if let Some(counts) = &r.run.summary.condensation { (counts) ". " }
                 @if let Some(fault) = &r.run.summary.fault { (fault) "." }
             }
@@ -145,10 +160,10 @@ pub fn section(reported: &[Reported]) -> Markup {
         base.is_some_and(|base| reported.iter().any(|other| other.name() == base))
     };
     let mut order: Vec<&Reported> = reported.iter().collect();
-    order.sort_by_key(|r| r.as_expected() && variant(r).is_none_or(Reported::as_expected));
+    order.sort_by_key(|r| r.passes() && variant(r).is_none_or(Reported::passes));
     let row = |r: &&Reported| Row {
-        class: (!r.as_expected()).then(|| "unexpected".to_owned()),
-        cells: table::row(&r.run.summary, r.outcome()),
+        class: (r.verdict.verdict == Verdict::Fail).then(|| "unexpected".to_owned()),
+        cells: table::row(&r.run.summary, &r.verdict.cell()),
     };
     html! {
         h2 #experiments { "Experiments" }

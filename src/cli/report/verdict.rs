@@ -3,36 +3,7 @@
 use maud::{Markup, html};
 use serde::Serialize;
 
-/// Status of a verdict; the worst is the smallest.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[serde(rename_all = "UPPERCASE")]
-pub enum VerdictStatus {
-    Fail,
-    Inconclusive,
-    Pass,
-}
-
-impl VerdictStatus {
-    fn name(self) -> &'static str {
-        match self {
-            VerdictStatus::Fail => "FAIL",
-            VerdictStatus::Inconclusive => "INCONCLUSIVE",
-            VerdictStatus::Pass => "PASS",
-        }
-    }
-
-    fn class(self) -> &'static str {
-        match self {
-            VerdictStatus::Fail => "fail",
-            VerdictStatus::Inconclusive => "inconclusive",
-            VerdictStatus::Pass => "pass",
-        }
-    }
-
-    pub fn pass_if(holds: bool) -> Self {
-        if holds { VerdictStatus::Pass } else { VerdictStatus::Fail }
-    }
-}
+pub use crate::output::verdict::Verdict as VerdictStatus;
 
 /// A verdict of the report.
 #[derive(Debug, Serialize)]
@@ -56,7 +27,7 @@ pub fn list(verdicts: &[Verdict]) -> Markup {
     html! {
         ul.verdicts {
             @for Verdict { what, outcome, reason, section, .. } in verdicts {
-                li class=(outcome.class()) {
+                li class=(outcome.name().to_lowercase()) {
                     b { (outcome.name()) } " " a href={ "#" (section) } { (what) } ": " (reason)
                 }
             }

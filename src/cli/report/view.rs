@@ -27,7 +27,7 @@ pub fn share(runs: usize) -> usize {
 struct ViewedRun<'a> {
     scene: &'a str,
     /// Outcome of the run.
-    outcome: &'static str,
+    outcome: String,
     #[serde(flatten)]
     frames: &'a Frames,
     /// 16-bit numbers in base 64, lower byte first.
@@ -51,7 +51,7 @@ pub fn section(reported: &[Reported]) -> miette::Result<Markup> {
         .filter_map(|r| {
             let frames = r.frames.as_ref().ok()?;
             let (first, positions) = (encoded(&frames.first), encoded(&frames.positions));
-            Some(ViewedRun { scene: r.name(), outcome: r.outcome(), frames, first, positions })
+            Some(ViewedRun { scene: r.name(), outcome: r.verdict().cell(), frames, first, positions })
         })
         .collect();
     let data = inlined(&viewed).map_err(|error| miette::miette!("cannot write the 3-D view: {error}"))?;

@@ -1,4 +1,4 @@
-//! Facts on a modelled device that `explain` prints.
+//! Facts on a modelled device before a run, and the warnings that follow from them.
 
 use serde::Serialize;
 
@@ -9,10 +9,10 @@ use crate::device::instrument::InstrumentKind;
 use crate::device::phantom::TipSensing;
 use crate::device::phantom::observer::LONGEST_WINDOW_S;
 use crate::pipeline::Simulation;
-use crate::scene::Scene;
+use crate::scene::{Scene, Warning};
 
 /// The modelled device at its start; the wall bounds are along the scene's z, the normal of the top.
-#[derive(Serialize)]
+#[derive(Debug, Serialize)]
 pub struct DeviceFacts {
     apparent_mass_kg: [f64; 3],
     resolution_m: [f64; 3],
@@ -33,7 +33,7 @@ pub struct DeviceFacts {
 }
 
 /// What one encoder count along the normal commands.
-#[derive(Serialize)]
+#[derive(Debug, Serialize)]
 struct ContactFacts {
     /// Mass under the tip m_c, kg.
     mass_kg: f64,
@@ -46,7 +46,7 @@ struct ContactFacts {
     because: &'static str,
 }
 
-/// Force of one encoder count above which `explain` and `run` warn, N: 2.5 times the backdrive friction of the PHANTOM,
+/// Force of one encoder count above which there is a warning, N: 2.5 times the backdrive friction of the PHANTOM,
 /// 0.04 N at the tip, which masks smaller forces.
 const LOUD_COUNT_N: f64 = 0.1;
 
@@ -86,18 +86,21 @@ impl ContactFacts {
         })
     }
 
-    fn warning(&self) -> Option<String> {
+    fn warning(&self) -> Option<Warning> {
         (self.newtons_per_count > LOUD_COUNT_N).then(|| {
-            format!(
-                "one encoder count commands {:.2} N ({}): the device may vibrate in a hand that holds still; \
+            Warning::new(
+                "encoder-count",
+                format!(
+                    "one encoder count commands {:.2} N ({}): the device may vibrate in a hand that holds still; \
                  `contact.scheme = \"massless\"` with `instrument.device.tip = \"observed\"` avoids it",
-                self.newtons_per_count, self.because
+                    self.newtons_per_count, self.because
+                ),
             )
         })
     }
 }
 
-#[derive(Serialize)]
+#[derive(Debug, Serialize)]
 struct CouplingFacts {
     stiffness_n_per_m: f64,
     damping_n_s_per_m: f64,
@@ -105,6 +108,7 @@ struct CouplingFacts {
 }
 
 impl DeviceFacts {
+    /// Collects the facts; `None` without a modelled device.
     pub fn new(scene: &Scene, simulation: &Simulation) -> Option<Self> {
         let InstrumentKind::Phantom(settings) = &scene.instrument else { return None };
         let device = simulation.device()?.phantom();
@@ -133,16 +137,11 @@ impl DeviceFacts {
     }
 
     /// Returns the warnings: of an encoder count that commands more than 0.1 N, and of a wall stiffness beyond both bounds.
-    pub fn warnings(&self) -> impl Iterator<Item = String> {
-        self.count_warning().into_iter().chain(self.wall_warning())
+    pub fn warnings(&self) -> impl Iterator<Item = Warning> {
+        self.contact.as_ref().and_then(ContactFacts::warning).into_iter().chain(self.wall_warning())
     }
 
-    /// Returns the warning of an encoder count that commands more than 0.1 N.
-    pub fn count_warning(&self) -> Option<String> {
-        self.contact.as_ref().and_then(ContactFacts::warning)
-    }
-
-    fn wall_warning(&self) -> Option<String> {
+    fn wall_warning(&self) -> Option<Warning> {
         let friction = self.wall_bound_by_friction_n_per_m?;
         let (bound, which) = if friction > self.wall_bound_by_damping_n_per_m {
             (friction, "2f_c/Δ of Abbott and Okamura, by the device's friction")
@@ -150,14 +149,18 @@ impl DeviceFacts {
             (self.wall_bound_by_damping_n_per_m, "2(b − |B|)/h of Colgate and Schenkel, by the device's damping")
         };
         (self.wall_stiffness_n_per_m > bound).then(|| {
-            format!(
-                "contact.wall_stiffness = {} N/m is beyond the passivity bound of the device alone, {bound:.0} N/m \
+            Warning::new(
+                "wall-passivity",
+                format!(
+                    "contact.wall_stiffness = {} N/m is beyond the passivity bound of the device alone, {bound:.0} N/m \
                  ({which}): on rigid ground the loop may generate energy",
-                self.wall_stiffness_n_per_m
+                    self.wall_stiffness_n_per_m
+                ),
             )
         })
     }
 
+    /// Returns the facts as lines of text.
     pub fn lines(&self) -> Vec<String> {
         let three = |values: [f64; 3], scale: f64, digits: usize| {
             values.map(|value| format!("{:.digits$}", value * scale)).join(", ")
