@@ -14,4 +14,25 @@ fn main() {
         of("OPT_LEVEL")
     );
     println!("cargo::rerun-if-changed=build.rs");
+    // Debug builds are for tests: compiling them again after every commit would only take time.
+    if of("PROFILE") == "release"
+        && let Some(commit) = commit()
+    {
+        println!("cargo::rustc-env=STICKSLIP_COMMIT={commit}");
+    }
+}
+
+/// Returns the commit that is built, with `+` if files that git tracks have changed since; `None` outside of a clone.
+fn commit() -> Option<String> {
+    let git = |arguments: &[&str]| {
+        let output = Command::new("git").args(arguments).output().ok().filter(|output| output.status.success())?;
+        Some(String::from_utf8_lossy(&output.stdout).trim().to_owned())
+    };
+    // The sources of a package may lie within the clone of something else.
+    let is_clone = git(&["rev-parse", "--show-prefix"])?.is_empty();
+    let commit = is_clone.then(|| git(&["rev-parse", "--short=12", "HEAD"]))??;
+    println!("cargo::rerun-if-changed={}", git(&["rev-parse", "--git-path", "logs/HEAD"])?);
+    println!("cargo::rerun-if-changed=src");
+    let changed = git(&["status", "--porcelain", "--untracked-files=no"])?;
+    Some(if changed.is_empty() { commit } else { format!("{commit}+") })
 }

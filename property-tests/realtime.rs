@@ -4,18 +4,23 @@
 use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 
-use stickslip::multirate::timeline::{DeadlineOutcome, OverrunPolicy};
+use stickslip::multirate::timeline::{Arrival, DeadlineOutcome, OverrunPolicy, RecordedTimes};
+use stickslip::output::summary::ModeTicks;
 use stickslip::pipeline::Simulation;
 use stickslip::realtime::allocations::{self, Counting};
+use stickslip::realtime::builder::GlobalTimes;
 use stickslip::realtime::channel::channel;
+use stickslip::realtime::exercise::Exercise;
 use stickslip::realtime::machine::Machine;
 use stickslip::realtime::meter::{Meter, TickTimes};
-use stickslip::realtime::record::{Recorded, record};
+use stickslip::realtime::record::{Quantiles, Recorded, record};
 use stickslip::realtime::threads::{Obtained, Served, Window};
 use stickslip::scene::Scene;
 use stickslip::session::{RecordedPass, ReplayOutcome, ReplayReason, Session, replay};
 use stickslip::verify::certificate::causes::MissCause;
-use stickslip::verify::certificate::verdict::{Certificate, Circumstances, Verdict, WorstTick};
+use stickslip::verify::certificate::identity::Identity;
+use stickslip::verify::certificate::parts::Verdict;
+use stickslip::verify::certificate::verdict::{Certificate, Circumstances, WorstTick};
 use stickslip::verify::lateness::consequences;
 
 #[global_allocator]
@@ -135,6 +140,25 @@ fn a_fault_ends_the_loop_and_comes_again() {
     assert_eq!(run.session.overrun, OverrunPolicy::Hold);
 }
 
+/// Counts of a run with every kind of contact.
+fn exercised() -> Exercise {
+    Exercise {
+        mode_ticks: ModeTicks { free: 80, stick: 100, slide: 0, slip: 820 },
+        collisions: 1,
+        edge_crossings: 12,
+        hand_overs: 9,
+        models_built: 9,
+        ..Exercise::default()
+    }
+}
+
+/// Builds the times of a global side with cycles of 100 ticks and 0.1 s, most of which take 20 ms.
+fn global(models: u64) -> GlobalTimes {
+    let mut global = GlobalTimes::new(100, 100_000_000);
+    (0..models).for_each(|_| global.record(20_000_000, 19_000_000, 1));
+    global
+}
+
 /// Builds a loop with given release, response and CPU time of its ticks, in ns.
 fn served(ticks: impl Iterator<Item = [u64; 3]> + Clone, deadline_ns: u64, policy: &'static str) -> Served {
     let mut meter = Meter::new(ticks.clone().count() as u64, deadline_ns);
@@ -146,6 +170,8 @@ fn served(ticks: impl Iterator<Item = [u64; 3]> + Clone, deadline_ns: u64, polic
     Served {
         passes: Vec::new(),
         meter,
+        global: Some(global(50)),
+        exercise: exercised(),
         window: Window { allocations: Some(0), ..Window::default() },
         obtained: Obtained { policy, priority: 80, cpus: vec![1], memory_locked: true, refused: Vec::new() },
         stopped: false,
@@ -155,18 +181,40 @@ fn served(ticks: impl Iterator<Item = [u64; 3]> + Clone, deadline_ns: u64, polic
 
 fn worst(cold_ns: u64) -> WorstTick {
     let why = ReplayReason::MostCpuTime;
-    WorstTick { pass: 0, tick: 5, why, times: None, warm_ns: [1000, 1200], cold_ns: [cold_ns, cold_ns] }
+    WorstTick { pass: 0, tick: 5, why: vec![why], times: None, warm_ns: [1000, 1200], cold_ns: [cold_ns, cold_ns] }
 }
 
 fn judged(served: &Served, worst: Vec<WorstTick>, replayed: bool) -> Certificate {
+    judged_over(served, worst, replayed, [5000, 1000, 1000])
+}
+
+/// Judges a loop of which so many ticks were asked for, of a path of so many, of which the longest pass did so many.
+fn judged_over(served: &Served, worst: Vec<WorstTick>, replayed: bool, ticks: [u64; 3]) -> Certificate {
     let machine = Machine::describe(0);
     let (scene, load) = ("x".to_owned(), "none".to_owned());
     let overrun = OverrunPolicy::Hold;
     let steal = Vec::new();
-    let none = consequences(&Scene::shipped("fig3-sliding").expect("shipped")).expect("it runs");
+    let none = consequences(&Scene::shipped("fig3-sliding").expect("shipped").with_ticks(100)).expect("it runs");
+    let [asked_ticks, path_ticks, longest_pass_ticks] = ticks;
     Certificate::new(
         served,
-        Circumstances { scene, rate_hz: 1000.0, overrun, load, steal, machine, replayed, worst, consequences: none },
+        Circumstances {
+            identity: Identity::default(),
+            scene,
+            rate_hz: 1000.0,
+            overrun,
+            load,
+            steal,
+            machine,
+            replayed,
+            worst,
+            consequences: none,
+            idle: Quantiles::of(&served.meter.compute),
+            asked_ticks,
+            path_ticks,
+            longest_pass_ticks,
+            lockstep: exercised(),
+        },
     )
 }
 
@@ -219,6 +267,88 @@ fn verdicts_follow_from_what_was_measured() {
     assert_eq!(verdicts(&lossy(1)).0, Fail);
     let window = Window { allocations: Some(0), lost_notes: 3, ..Window::default() };
     assert_eq!(judge(&Served { window, ..quiet_loop() }).0, Pass, "what was lost made no difference");
+}
+
+/// A window in which the tip never touches proves nothing of contact, and neither does a part of the path.
+#[test]
+fn a_verdict_is_about_what_was_exercised() {
+    use Verdict::{Inconclusive, Pass};
+    let quiet_loop = || served((0..5000).map(quiet), DEADLINE_NS, "SCHED_FIFO");
+    let judge = |served: &Served, ticks| judged_over(served, vec![worst(9_000)], true, ticks);
+    assert_eq!(judge(&quiet_loop(), [5000, 1000, 1000]).compute.verdict, Pass);
+
+    // 3 of 60 s, none of them in contact.
+    let free = Exercise { mode_ticks: ModeTicks { free: 3000, ..ModeTicks::default() }, ..Exercise::default() };
+    let never_touched = Served { exercise: free, ..quiet_loop() };
+    let certificate = judge(&never_touched, [3000, 60_000, 3000]);
+    assert_eq!((certificate.compute.verdict, certificate.verdict()), (Inconclusive, Inconclusive));
+    let reasons = certificate.compute.reasons.join("; ");
+    for finding in ["5.0 % of the scene's path of 60 s", "no sticking ticks", "no collisions", "820 in the scene's"] {
+        assert!(reasons.contains(finding), "{finding}: {reasons}");
+    }
+    assert_eq!(certificate.coverage.path_share, 0.05);
+    // The whole path without the contact that it has in lockstep, and a part of it with all contact.
+    assert_eq!(judge(&never_touched, [5000, 1000, 1000]).compute.verdict, Inconclusive);
+    assert_eq!(judge(&quiet_loop(), [5000, 1000, 999]).compute.verdict, Inconclusive);
+
+    let cut_short = judge(&Served { stopped: true, ..quiet_loop() }, [60_000, 1000, 1000]);
+    assert_eq!([cut_short.compute.verdict, cut_short.platform.verdict], [Inconclusive; 2]);
+    assert!(cut_short.compute.reasons.concat().contains("stopped after 5000 of 60000 ticks"), "{cut_short:?}");
+}
+
+#[test]
+fn the_global_side_is_judged_by_its_cycles_the_ages_of_models_and_lost_notes() {
+    use Verdict::{Fail, Inconclusive, Pass};
+    let with = |global: GlobalTimes, lost_notes| {
+        let window = Window { allocations: Some(0), lost_notes, ..Window::default() };
+        let quiet_loop = served((0..5000).map(quiet), DEADLINE_NS, "SCHED_FIFO");
+        let certificate = judged(&Served { global: Some(global), window, ..quiet_loop }, vec![worst(9_000)], true);
+        let whole = certificate.verdict();
+        let part = certificate.global.expect("there are cycles");
+        assert_eq!(part.verdict, whole, "the servo side passes");
+        (whole, part.reasons.join("; "))
+    };
+    assert_eq!(with(global(50), 0).0, Pass);
+    assert_eq!(with(global(9), 0).0, Inconclusive);
+    let (verdict, reasons) = with(global(50), 1873);
+    assert_eq!(verdict, Fail);
+    assert!(reasons.contains("1873 notes were lost"), "{reasons}");
+
+    let mut late = global(50);
+    late.record(100_000_001, 30_000_000, 1);
+    let (verdict, reasons) = with(late, 0);
+    assert_eq!(verdict, Fail);
+    assert!(reasons.contains("1 of 51 models") && reasons.contains("the machine is the cause"), "{reasons}");
+    let mut slow = global(50);
+    slow.record(120_000_000, 110_000_000, 1);
+    assert!(with(slow, 0).1.contains("the computation is too long"));
+
+    // A model of every boundary, in use up to the 199th tick after it; and one that had to last for longer.
+    let arrivals = |second| RecordedTimes {
+        arrivals: vec![Arrival { from: 100, at: 200 }, Arrival { from: 200, at: second }],
+        ..RecordedTimes::default()
+    };
+    let aged = |second| {
+        let mut global = global(50);
+        global.record_ages(&arrivals(second), second + 50);
+        with(global, 0)
+    };
+    assert_eq!(aged(300).0, Pass);
+    let (verdict, reasons) = aged(301);
+    assert_eq!(verdict, Fail);
+    assert!(reasons.contains("200 ticks old") && reasons.contains("at most 199"), "{reasons}");
+}
+
+#[test]
+fn page_faults_count_against_locked_memory() {
+    let with = |page_faults, memory_locked| {
+        let quiet_loop = served((0..5000).map(quiet), DEADLINE_NS, "SCHED_FIFO");
+        let window = Window { allocations: Some(0), page_faults, ..Window::default() };
+        let obtained = Obtained { memory_locked, ..quiet_loop.obtained.clone() };
+        judged(&Served { window, obtained, ..quiet_loop }, vec![worst(9_000)], true).platform.verdict
+    };
+    assert_eq!([with(0, true), with(1, true)], [Verdict::Pass, Verdict::Fail]);
+    assert_eq!([with(0, false), with(1, false)], [Verdict::Inconclusive; 2]);
 }
 
 #[test]

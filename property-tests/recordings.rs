@@ -19,6 +19,14 @@ fn certify_measures_judges_and_leaves_what_can_be_done_again() {
     assert_eq!(certificate["deadline_us"], 500.0);
     assert_eq!(certificate["window"]["allocations"], 0);
     assert_eq!(certificate["replayed"], true);
+    // 1.5 s cover the path of 1.2 s.
+    assert_eq!(certificate["coverage"]["path_share"], 1.0);
+    assert!(certificate["coverage"]["window"]["mode_ticks"]["slip"].as_u64() > Some(100));
+    let worst = certificate["worst"].as_array().unwrap();
+    let mut places: Vec<String> = worst.iter().map(|tick| format!("{} {}", tick["pass"], tick["tick"])).collect();
+    places.sort();
+    places.dedup();
+    assert_eq!(places.len(), worst.len(), "a tick is listed once");
     for path in [
         "/compute/verdict",
         "/compute/compute_ns/p9999",
@@ -35,10 +43,18 @@ fn certify_measures_judges_and_leaves_what_can_be_done_again() {
         "/duration_s",
         "/miss_rate/ticks/upper",
         "/machine/kernel",
+        "/identity/date",
+        "/identity/scene_sha256",
+        "/identity/mesh_sha256",
+        "/identity/program_sha256",
+        "/identity/machine_sha256",
+        "/coverage/window/edge_crossings",
+        "/compute/idle_ns/max",
+        "/global/largest_age_ticks",
     ] {
         assert!(certificate.pointer(path).is_some_and(|value| !value.is_null()), "{path}");
     }
-    let verdicts = [&certificate["compute"]["verdict"], &certificate["platform"]["verdict"]];
+    let verdicts = ["compute", "platform", "global"].map(|part| &certificate[part]["verdict"]);
     let expected = if verdicts.contains(&&Value::from("FAIL")) {
         1
     } else if verdicts.iter().all(|verdict| **verdict == "PASS") {

@@ -11,6 +11,7 @@ use thiserror::Error;
 
 use crate::Vec3;
 use crate::multirate::failsafe::Fault;
+use crate::multirate::global::Moment;
 use crate::multirate::timeline::{OverrunPolicy, RecordedTimes, Timeline};
 use crate::pipeline::{Lockstep, Simulation, TickView};
 use crate::scene::{Scene, SceneError};
@@ -315,14 +316,24 @@ impl Session {
 }
 
 /// Replays a pass and compares it with the recording; `observe` is called after every tick.
-pub fn replay(simulation: Simulation, recorded: &RecordedPass, mut observe: impl FnMut(&TickView)) -> ReplayOutcome {
+pub fn replay(simulation: Simulation, recorded: &RecordedPass, observe: impl FnMut(&TickView)) -> ReplayOutcome {
+    replay_timed(simulation, recorded, |_| (), observe)
+}
+
+/// Replays a pass as [`replay`] does; `mark` is called at every moment of the schedule.
+pub fn replay_timed(
+    simulation: Simulation,
+    recorded: &RecordedPass,
+    mut mark: impl FnMut(Moment),
+    mut observe: impl FnMut(&TickView),
+) -> ReplayOutcome {
     let mut run = Lockstep::new(simulation);
     let (mut ticks, mut checksum, mut differs) = (0, Checksum::default(), None);
     let mut fault = None;
     // A recorded fault comes in the tick after the last completed one.
     let last = recorded.ticks + u64::from(recorded.fault.is_some());
     while ticks < last && fault.is_none() {
-        match run.step() {
+        match run.step_timed(&mut mark) {
             Ok(Some(view)) => {
                 checksum.add(view.force);
                 let taped = RecordedTick::new(view.tip, view.force);

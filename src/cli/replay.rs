@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::progress::Progress;
 use super::terminal::{hand_out, say};
-use super::tick_timing::{TimedTick, time_ticks};
+use super::tick_timing::{TimedTick, names, time_ticks};
 use super::{FAIL, PASS};
 use crate::pipeline::Simulation;
 use crate::session::{self, ReplayOutcome, Session};
@@ -80,9 +80,9 @@ pub fn table(timed: &[TimedTick]) -> Table {
     for tick in timed {
         let us = |[median, max]: [u64; 2]| format!("{:.2}, {:.2}", median as f64 * 1e-3, max as f64 * 1e-3);
         table.add_row([
-            tick.tick.pass.to_string(),
-            tick.tick.tick.to_string(),
-            tick.tick.why.name().to_owned(),
+            tick.pass.to_string(),
+            tick.tick.to_string(),
+            names(&tick.why),
             us(tick.warm_ns),
             us(tick.cold_ns),
         ]);

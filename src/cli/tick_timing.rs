@@ -1,5 +1,6 @@
 //! Times of single ticks of a recorded session, repeated from the same state with warm caches and with evicted ones.
 
+use std::collections::BTreeMap;
 use std::hint::black_box;
 use std::time::Instant;
 
@@ -24,9 +25,12 @@ const REST_TICKS: u64 = 20_000;
 /// Times of a repeated tick.
 #[derive(Debug, Clone, Serialize)]
 pub struct TimedTick {
-    /// The tick.
-    #[serde(flatten)]
-    pub tick: TickToReplay,
+    /// Number of the pass.
+    pub pass: u32,
+    /// Number of the tick in its pass, from 0; of a tick of rest, the number of ticks of rest before it.
+    pub tick: u64,
+    /// Reasons to repeat the tick.
+    pub why: Vec<ReplayReason>,
     /// Median and longest time with warm caches, ns.
     pub warm_ns: [u64; 2],
     /// Median and longest time with cold caches, ns.
@@ -34,7 +38,7 @@ pub struct TimedTick {
 }
 
 /// Times the ticks that a session marks, and from its first pass one of every kind that may take long: contact onset,
-/// crossing of an edge, hand-over of a model, rest after a long decay.
+/// crossing of an edge, hand-over of a model, rest after a long decay. A tick with several reasons is timed once.
 ///
 /// # Errors
 /// If the scene cannot start.
@@ -50,13 +54,15 @@ pub fn time_ticks(session: &Session, scene: &Scene) -> Result<Vec<TimedTick>, Sc
             let rest = Simulation::prepare(scene)?;
             timed.extend(at_rest(rest, pass.pass, &mut cache));
         }
-        marked.sort_by_key(|tick| tick.tick);
+        let mut reasons: BTreeMap<u64, Vec<ReplayReason>> = BTreeMap::new();
+        marked.iter().for_each(|marked| reasons.entry(marked.tick).or_default().push(marked.why));
         let mut run = Lockstep::new(simulation);
-        for tick in marked {
-            while run.servo().next_tick() < tick.tick && matches!(run.step(), Ok(Some(_))) {}
-            let is_next = run.servo().next_tick() == tick.tick;
+        for (tick, why) in reasons {
+            while run.servo().next_tick() < tick && matches!(run.step(), Ok(Some(_))) {}
+            let is_next = run.servo().next_tick() == tick;
             if let Some(servo) = is_next.then(|| run.servo_at_next_tick()).flatten() {
-                timed.push(time(&servo, tick, &mut cache));
+                let [warm_ns, cold_ns] = time(&servo, &mut cache);
+                timed.push(TimedTick { pass: pass.pass, tick, why, warm_ns, cold_ns });
             }
         }
     }
@@ -95,11 +101,12 @@ fn at_rest(simulation: Simulation, pass: u32, cache: &mut [u64]) -> Option<Timed
         let tip = servo.tip();
         servo.compute(tip).ok()?;
     }
-    let tick = TickToReplay { pass, tick: 0, why: ReplayReason::Rest };
-    Some(time(&servo, tick, cache))
+    let [warm_ns, cold_ns] = time(&servo, cache);
+    Some(TimedTick { pass, tick: REST_TICKS, why: vec![ReplayReason::Rest], warm_ns, cold_ns })
 }
 
-fn time(servo: &Servo, tick: TickToReplay, cache: &mut [u64]) -> TimedTick {
+/// Returns the median and the longest time with warm and with cold caches, ns.
+fn time(servo: &Servo, cache: &mut [u64]) -> [[u64; 2]; 2] {
     let once = |before: &mut dyn FnMut()| {
         let mut servo = servo.clone();
         let tip = servo.sense();
@@ -117,10 +124,15 @@ fn time(servo: &Servo, tick: TickToReplay, cache: &mut [u64]) -> TimedTick {
         black_box(&mut *cache);
     };
     let cold = (0..COLD).map(|_| once(&mut evict)).collect();
-    TimedTick { tick, warm_ns: median_and_max(warm), cold_ns: median_and_max(cold) }
+    [median_and_max(warm), median_and_max(cold)]
 }
 
 fn median_and_max(mut times: Vec<u64>) -> [u64; 2] {
     times.sort_unstable();
     [times[times.len() / 2], times.last().copied().unwrap_or_default()]
+}
+
+/// Returns the names of some reasons, as they stand in tables.
+pub fn names(why: &[ReplayReason]) -> String {
+    why.iter().map(|why| why.name()).collect::<Vec<_>>().join(", ")
 }

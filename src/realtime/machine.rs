@@ -19,6 +19,8 @@ const FEATURES: [&str; 6] = ["sse2", "sse4_2", "avx", "avx2", "fma", "avx512f"];
 /// ```
 #[derive(Debug, Clone, Serialize)]
 pub struct Machine {
+    /// Name of the machine.
+    pub host: Option<String>,
     /// Release and build of the kernel; contains `PREEMPT_RT` for a real-time kernel.
     pub kernel: Option<String>,
     /// Clock source of the kernel.
@@ -58,6 +60,7 @@ impl Machine {
         let flags = field("flags").unwrap_or_default();
         let has = |flag: &str| flags.split_whitespace().any(|word| word == flag);
         Self {
+            host: line("/proc/sys/kernel/hostname"),
             kernel: line("/proc/version"),
             clock_source: line("/sys/devices/system/clocksource/clocksource0/current_clocksource"),
             governor: line(&format!("/sys/devices/system/cpu/cpu{cpu}/cpufreq/scaling_governor")),

@@ -85,12 +85,15 @@ pub struct Times {
 }
 
 impl Times {
-    fn new() -> Self {
+    /// Prepares an empty distribution.
+    #[expect(clippy::new_without_default, reason = "it allocates")]
+    pub fn new() -> Self {
         let histogram = Histogram::new_with_max(LONGEST_NS, DIGITS);
         Self { histogram: histogram.expect("the bounds are constants that it accepts"), max_ns: 0 }
     }
 
-    fn record(&mut self, ns: u64) {
+    /// Records a time, ns.
+    pub fn record(&mut self, ns: u64) {
         self.histogram.saturating_record(ns);
         self.max_ns = self.max_ns.max(ns);
     }

@@ -6,7 +6,9 @@
 //! the patch's path leaves through a ring ([`channel`]); neither ever makes it wait.
 
 pub mod allocations;
+pub mod builder;
 pub mod channel;
+pub mod exercise;
 pub mod load;
 pub mod machine;
 pub mod meter;

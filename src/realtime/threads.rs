@@ -1,4 +1,4 @@
-//! The servo thread, which keeps to the clock, and the global thread, which builds its models.
+//! The servo thread, which keeps to the clock, beside the global thread, which builds its models.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -8,7 +8,9 @@ use serde::Serialize;
 use thiserror::Error;
 
 use super::allocations;
-use super::channel::{GlobalEnd, ServoEnd, channel};
+use super::builder::{GlobalTimes, build_models};
+use super::channel::{ServoEnd, channel};
+use super::exercise::Exercise;
 use super::meter::{Meter, TickTimes};
 use super::os::{self, Usage};
 use crate::Vec3;
@@ -43,6 +45,8 @@ pub struct Pass {
     tapes: bool,
     /// Checksum of all commanded forces, in order.
     pub checksum: Checksum,
+    /// What the pass has been through.
+    pub exercise: Exercise,
     /// The fault that ended the pass, if one did.
     pub fault: Option<Fault>,
 }
@@ -61,6 +65,7 @@ impl Pass {
             tape: Vec::with_capacity(if tapes { ticks as usize } else { 0 }),
             tapes,
             checksum: Checksum::default(),
+            exercise: Exercise::default(),
             fault: None,
         }
     }
@@ -75,6 +80,9 @@ impl Pass {
             DeadlineOutcome::OnTime => {}
             DeadlineOutcome::Late(_) => self.times.late.push(done.tick),
             DeadlineOutcome::Skipped => self.times.skipped.push(done.tick),
+        }
+        if done.deadline_outcome != DeadlineOutcome::Skipped {
+            self.exercise.record(&done.report, done.tick > 0 && done.model_age == 0);
         }
         self.checksum.add(done.force);
         if self.tapes {
@@ -154,8 +162,12 @@ pub struct Window {
 pub struct Served {
     /// All passes; those that were not reached have no ticks.
     pub passes: Vec<Pass>,
-    /// Time measurements.
+    /// Time measurements of the servo side.
     pub meter: Meter,
+    /// Time measurements of the global side; `None` without cycles.
+    pub global: Option<GlobalTimes>,
+    /// What all passes have been through.
+    pub exercise: Exercise,
     /// Counters of the servo thread.
     pub window: Window,
     /// Scheduling settings actually granted.
@@ -239,7 +251,9 @@ pub fn serve(
     let done = AtomicBool::new(false);
     let idle = Duration::from_secs_f64((settings.tick_s / 4.0).clamp(2e-5, 1e-3));
     let served = std::thread::scope(|scope| {
-        let builder = scope.spawn(|| build_models(global_end, sides, &first_patches, idle, &done));
+        let global =
+            GlobalTimes::new(settings.ticks_per_cycle, nanoseconds(settings.ticks_per_cycle as f64 * settings.tick_s));
+        let builder = scope.spawn(|| build_models(global_end, sides, &first_patches, idle, &done, global));
         let servo = scope.spawn(|| {
             if let Some(&last) = cpus.last()
                 && let Err(error) = os::pin(&[last])
@@ -259,12 +273,19 @@ pub fn serve(
         let served = servo.join();
         done.store(true, Ordering::Release);
         let built = builder.join();
-        built.and(served).map_err(|_| NotServed::Panicked)
+        served.and_then(|served| Ok((served, built?))).map_err(|_| NotServed::Panicked)
     });
     os::unlock_memory();
-    let (passes, meter, window, obtained, stopped) = served?;
+    let ((passes, meter, window, obtained, stopped), mut global) = served?;
+    let mut exercise = Exercise::default();
+    for pass in passes.iter().filter(|pass| pass.ticks_done() > 0) {
+        global.record_ages(&pass.times, pass.ticks_done());
+        exercise.add(&pass.exercise);
+    }
+    exercise.models_built = global.models_built();
     let fault = passes.iter().find_map(|pass| pass.fault);
-    Ok(Served { passes, meter, window, obtained, stopped, fault })
+    let global = settings.recording.is_some().then_some(global);
+    Ok(Served { passes, meter, global, exercise, window, obtained, stopped, fault })
 }
 
 fn nanoseconds(seconds: f64) -> u64 {
@@ -282,40 +303,6 @@ fn warm(mut servo: Servo) {
     for _ in 0..WARM_UP_TICKS {
         if servo.tick(DeadlineOutcome::OnTime).is_err() {
             break;
-        }
-    }
-}
-
-/// Runs the global thread: receives cycles, sends models.
-fn build_models(
-    mut end: GlobalEnd,
-    mut sides: Vec<(Option<GlobalSide>, u64)>,
-    first_patches: &[Vec<u32>],
-    idle: Duration,
-    done: &AtomicBool,
-) {
-    let mut pass = 0;
-    loop {
-        if let Some(waiting) = end.pass_waiting()
-            && waiting != pass
-        {
-            pass = waiting;
-            end.begin_pass(pass, first_patches.get(pass as usize).map_or(&[][..], Vec::as_slice));
-        }
-        let mut passed = Vec::new();
-        let mut boundary = 0;
-        while let Some((tick, cycle)) = end.next_cycle() {
-            boundary = tick;
-            passed.push(cycle);
-        }
-        let is_over = end.pass_waiting().is_some_and(|waiting| waiting != pass);
-        match sides.get_mut(pass as usize) {
-            Some((Some(side), ticks)) if !passed.is_empty() && boundary < *ticks && !is_over => {
-                let model = side.next_model(passed, &mut |_| ());
-                end.send(boundary, model);
-            }
-            _ if done.load(Ordering::Acquire) => return,
-            _ => std::thread::sleep(idle),
         }
     }
 }

@@ -4,7 +4,7 @@ mod page;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
@@ -14,19 +14,23 @@ use super::progress::Progress;
 use super::terminal::{hand_out, say, significant};
 use super::tick_timing::{TimedTick, time_ticks};
 use super::{FAIL, INCONCLUSIVE, PASS, folder, interrupt, load};
+use crate::multirate::global::Moment;
 use crate::multirate::timeline::OverrunPolicy;
 use crate::output::files::{write_file, write_json};
 use crate::pipeline::Simulation;
+use crate::realtime::exercise::Exercise;
 use crate::realtime::load::Load;
 use crate::realtime::machine::{Machine, stolen};
-use crate::realtime::meter::TickTimes;
+use crate::realtime::meter::{TickTimes, Times};
 use crate::realtime::os;
-use crate::realtime::record::{loop_settings, recorded_pass};
+use crate::realtime::record::{Quantiles, loop_settings, recorded_pass};
 use crate::realtime::threads::{Pass, Served, serve};
 use crate::scene::{Scene, SceneError};
-use crate::session::{ReplayOutcome, ReplayReason, Session, TickToReplay, replay};
+use crate::session::{ReplayOutcome, ReplayReason, Session, TickToReplay, replay_timed};
 use crate::verify::certificate::causes::StealSample;
-use crate::verify::certificate::verdict::{Certificate, Circumstances, Verdict, WorstTick};
+use crate::verify::certificate::identity::Identity;
+use crate::verify::certificate::parts::Verdict;
+use crate::verify::certificate::verdict::{Certificate, Circumstances, WorstTick};
 use crate::verify::lateness::consequences;
 
 /// Interval between two readings of the time taken by the hypervisor.
@@ -151,23 +155,31 @@ fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette
     drop(progress);
     let mut served = served?;
 
+    let longest_pass_ticks = served.passes.iter().map(Pass::ticks_done).max().unwrap_or_default();
     let session = session(scene, &mut served);
-    let replayed = replays(&session, scene)?;
+    let (replayed, idle) = replays(&session, scene)?;
     let worst = worst(&served, time_ticks(&session, scene)?);
     let consequences = consequences(scene).map_err(|error| miette::miette!("{error}"))?;
-    let cpu = served.obtained.cpus.first().copied().unwrap_or_default();
+    let (lockstep, _) = Exercise::of_lockstep(Simulation::prepare(scene)?);
+    let machine = Machine::describe(served.obtained.cpus.first().copied().unwrap_or_default());
     let certificate = Certificate::new(
         &served,
         Circumstances {
+            identity: Identity::now(scene, &machine),
             scene: scene.name.clone(),
             rate_hz: scene.local_rate_hz(),
             overrun: scene.deadline.overrun,
             load: words,
             steal,
-            machine: Machine::describe(cpu),
+            machine,
             replayed,
             worst,
             consequences,
+            idle,
+            asked_ticks: ticks,
+            path_ticks: scene.tick_count(),
+            longest_pass_ticks,
+            lockstep,
         },
     );
     write_json(&out.join("session.json"), &session)?;
@@ -243,21 +255,28 @@ fn session(scene: &Scene, served: &mut Served) -> Session {
     session
 }
 
-/// Returns whether every recorded pass replays to the same forces.
-fn replays(session: &Session, scene: &Scene) -> Result<bool, SceneError> {
-    let mut same = true;
-    for pass in &session.passes {
-        same &= matches!(replay(session.prepare(scene, pass)?, pass, |_| ()), ReplayOutcome::Same { .. });
+/// Returns whether every recorded pass replays to the same forces, and the times of the first one's ticks, ns.
+fn replays(session: &Session, scene: &Scene) -> Result<(bool, Quantiles), SceneError> {
+    let (mut same, mut idle) = (true, Times::new());
+    for (number, pass) in session.passes.iter().enumerate() {
+        let mut begin = Instant::now();
+        let clock = |moment| match moment {
+            Moment::TickBegins => begin = Instant::now(),
+            Moment::TickEnds if number == 0 => idle.record(begin.elapsed().as_nanos() as u64),
+            _ => {}
+        };
+        let outcome = replay_timed(session.prepare(scene, pass)?, pass, clock, |_| ());
+        same &= matches!(outcome, ReplayOutcome::Same { .. });
     }
-    Ok(same)
+    Ok((same, Quantiles::of(&idle)))
 }
 
 /// Joins the times of repeated ticks with those of the measurement.
 fn worst(served: &Served, timed: Vec<TimedTick>) -> Vec<WorstTick> {
     let measured = || served.meter.worst_by_response().iter().chain(served.meter.worst_by_cpu());
-    let entry = |TimedTick { tick, warm_ns, cold_ns }| {
-        let TickToReplay { pass, tick, why } = tick;
-        let is_measured = matches!(why, ReplayReason::LongestResponse | ReplayReason::MostCpuTime);
+    let entry = |TimedTick { pass, tick, why, warm_ns, cold_ns }| {
+        let is_measured =
+            why.iter().any(|why| matches!(why, ReplayReason::LongestResponse | ReplayReason::MostCpuTime));
         let times = measured().find(|times| is_measured && (times.pass, times.tick) == (pass, tick)).copied();
         WorstTick { pass, tick, why, times, warm_ns, cold_ns }
     };

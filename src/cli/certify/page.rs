@@ -5,9 +5,11 @@ use std::fmt::Write as _;
 use maud::{Markup, PreEscaped, html};
 
 use crate::cli::page;
+use crate::cli::tick_timing::names;
 use crate::realtime::record::Quantiles;
 use crate::realtime::threads::Served;
 use crate::verify::certificate::bounds::RateBound;
+use crate::verify::certificate::parts::Verdict;
 use crate::verify::certificate::tail::Tail;
 use crate::verify::certificate::verdict::{Certificate, MissRate, WorstTick};
 use crate::verify::lateness::Consequences;
@@ -34,8 +36,9 @@ pub fn words(certificate: &Certificate) -> String {
     let mut part = |name: &str, verdict: &str, reasons: &[String]| {
         let _ = writeln!(text, "{name}: {verdict}: {}", reasons.join("; "));
     };
-    part("compute", compute.verdict.name(), &compute.reasons);
-    part("platform", platform.verdict.name(), &platform.reasons);
+    for (name, verdict, reasons) in parts(certificate) {
+        part(name, verdict.name(), reasons);
+    }
     let line = |name: &str, q: &Quantiles| {
         format!(
             "{name}: p50 {:.1}, p99 {:.1}, p99.9 {:.1}, p99.99 {:.1}, longest {:.1} µs",
@@ -48,33 +51,50 @@ pub fn words(certificate: &Certificate) -> String {
     };
     let lines = [
         line("compute time             ", &compute.compute_ns),
+        line("the same on an idle core ", &compute.idle_ns),
         line("response, servo loop     ", &platform.response_ns),
         line("response, without payload", &platform.control.response_ns),
     ];
     text + &lines.join("\n")
 }
 
+/// Returns the parts of a certificate with their names, verdicts and reasons.
+fn parts(certificate: &Certificate) -> Vec<(&'static str, Verdict, &[String])> {
+    let Certificate { compute, platform, global, .. } = certificate;
+    let mut parts = vec![
+        ("compute", compute.verdict, compute.reasons.as_slice()),
+        ("platform", platform.verdict, platform.reasons.as_slice()),
+    ];
+    parts.extend(global.iter().map(|global| ("global side", global.verdict, global.reasons.as_slice())));
+    parts
+}
+
 /// Returns the names of the measured times and their quantiles in µs.
-fn times(certificate: &Certificate) -> [[String; 7]; 6] {
+fn times(certificate: &Certificate) -> Vec<[String; 7]> {
     let Certificate { compute, platform, .. } = certificate;
-    let rows = [
+    let mut rows = vec![
         ("release to start", &platform.release_ns),
         ("start to command (wall clock)", &compute.compute_ns),
         ("start to command (CPU time of the thread)", &compute.cpu_ns),
+        ("tick of the first pass, repeated on an idle core", &compute.idle_ns),
         ("release to command (response)", &platform.response_ns),
         ("control loop without a payload: release to start", &platform.control.release_ns),
         ("control loop without a payload: response", &platform.control.response_ns),
     ];
-    rows.map(|(name, q)| {
+    if let Some(global) = &certificate.global {
+        rows.push(("global cycle to model", &global.cycle_ns));
+        rows.push(("global cycle to model (CPU time of the thread)", &global.cpu_ns));
+    }
+    let row = |(name, q): (&str, &Quantiles)| {
         let [p50, p90, p99, p999, p9999, max] =
             [q.p50, q.p90, q.p99, q.p999, q.p9999, q.max].map(|ns| format!("{:.1}", us(ns)));
         [name.to_owned(), p50, p90, p99, p999, p9999, max]
-    })
+    };
+    rows.into_iter().map(row).collect()
 }
 
 /// Builds the report's section.
 pub fn section(certificate: &Certificate, figures: &[(&'static str, String)]) -> Markup {
-    let Certificate { compute, platform, .. } = certificate;
     let head = ["time (µs)", "p50", "p90", "p99", "p99.9", "p99.99", "longest"];
     html! {
         h2 #certificate { "Certificate of the servo loop" }
@@ -85,8 +105,9 @@ pub fn section(certificate: &Certificate, figures: &[(&'static str, String)]) ->
             " after its release. For a certificate to rely on, measure for minutes with "
             code { "stickslip certify" } "."
         }
-        p { b { "Compute: " (compute.verdict.name()) ". " } (compute.reasons.join("; ")) "." }
-        p { b { "Platform: " (platform.verdict.name()) ". " } (platform.reasons.join("; ")) "." }
+        @for (name, verdict, reasons) in parts(certificate) {
+            p { b { (capitalised(name)) ": " (verdict.name()) ". " } (reasons.join("; ")) "." }
+        }
         (page::table("", head, times(certificate)))
         div.pair {
             @for (name, svg) in figures {
@@ -104,14 +125,15 @@ pub fn section(certificate: &Certificate, figures: &[(&'static str, String)]) ->
 
 /// Builds the page `certificate.md`.
 pub fn markdown(certificate: &Certificate) -> String {
-    let Certificate { compute, platform, window, settings, machine, .. } = certificate;
+    let Certificate { platform, window, settings, machine, identity, coverage, .. } = certificate;
     let mut page = format!("# {}: servo loop at {:.0} Hz\n\n", certificate.scene, certificate.rate_hz);
     let mut say = |text: String| {
         page.push_str(&text);
         page.push('\n');
     };
-    say(format!("**Compute: {}.** {}.\n", compute.verdict.name(), compute.reasons.join("; ")));
-    say(format!("**Platform: {}.** {}.\n", platform.verdict.name(), platform.reasons.join("; ")));
+    for (name, verdict, reasons) in parts(certificate) {
+        say(format!("**{}: {}.** {}.\n", capitalised(name), verdict.name(), reasons.join("; ")));
+    }
     if certificate.stopped {
         say("The run was stopped early; the results cover the ticks done.\n".to_owned());
     }
@@ -123,7 +145,29 @@ pub fn markdown(certificate: &Certificate) -> String {
         certificate.overrun.name(),
         certificate.load
     ));
-    say("## Times (µs)\n".to_owned());
+    say("## Coverage\n".to_owned());
+    say(format!(
+        "The longest pass covered {:.1} % of the scene's path. The verdicts hold for what the window went through.\n",
+        100.0 * coverage.path_share
+    ));
+    say("| | in the window | in one run in lockstep |\n|---|---|---|".to_owned());
+    for ((what, seen), (_, expected)) in coverage.window.named().into_iter().zip(coverage.lockstep.named()) {
+        say(format!("| {what} | {seen} | {expected} |"));
+    }
+    if let Some(global) = &certificate.global {
+        say(format!(
+            "\nOf {} models {} took longer than their cycle of {:.1} ms, and {} cycles had no model of their own. Models \
+             came into use up to {} ticks after their boundary and were up to {} ticks old; a cycle has {} ticks.",
+            global.models_built,
+            global.late_models,
+            global.deadline_us * 1e-3,
+            global.shared_cycles,
+            global.largest_latency_ticks,
+            global.largest_age_ticks,
+            global.ticks_per_cycle
+        ));
+    }
+    say("\n## Times (µs)\n".to_owned());
     say("| | p50 | p90 | p99 | p99.9 | p99.99 | longest |\n|---|---|---|---|---|---|---|".to_owned());
     for row in times(certificate) {
         say(format!("| {} |", row.join(" | ")));
@@ -164,7 +208,7 @@ pub fn markdown(certificate: &Certificate) -> String {
         let (response, cpu) = (then(|times| times.response_ns), then(|times| times.cpu_ns));
         say(format!(
             "| {pass} | {tick} | {} | {response} | {cpu} | {} | {} |",
-            why.name(),
+            names(why),
             pair(*warm_ns),
             pair(*cold_ns)
         ));
@@ -218,14 +262,25 @@ pub fn markdown(certificate: &Certificate) -> String {
         ("frequency governor", unknown(&machine.governor)),
         ("isolated CPUs", unknown(&machine.isolated)),
         ("kernel", unknown(&machine.kernel)),
-        ("program (SHA-256)", unknown(&machine.program_sha256)),
+        ("host", unknown(&machine.host)),
+        ("date", identity.date.clone()),
         ("version", certificate.version.to_owned()),
+        ("commit", identity.commit.unwrap_or("unknown").to_owned()),
+        ("program (SHA-256)", unknown(&identity.program_sha256)),
+        ("scene (SHA-256)", identity.scene_sha256.clone()),
+        ("mesh (SHA-256)", identity.mesh_sha256.clone()),
+        ("machine (SHA-256)", identity.machine_sha256.clone()),
     ];
     say("| | |\n|---|---|".to_owned());
     for (name, value) in facts {
         say(format!("| {name} | {value} |"));
     }
     page
+}
+
+fn capitalised(name: &str) -> String {
+    let mut rest = name.chars();
+    rest.next().map_or(String::new(), |first| first.to_uppercase().chain(rest).collect())
 }
 
 fn rate_sentences(rate: &MissRate) -> Vec<String> {

@@ -236,7 +236,7 @@ fn stability_verdict(file: &StabilityFile) -> Verdict {
 fn certificate(verdicts: &mut Vec<Verdict>, out: &Path) -> miette::Result<(Option<serde_json::Value>, Markup)> {
     use miette::IntoDiagnostic;
 
-    use crate::verify::certificate::verdict::Verdict as Found;
+    use crate::verify::certificate::parts::Verdict as Found;
 
     let (certificate, section) = match super::certify::brief(&shipped(LOOP_SCENE)?, CERTIFICATE_S, out) {
         Ok(made) => made,
@@ -252,6 +252,9 @@ fn certificate(verdicts: &mut Vec<Verdict>, out: &Path) -> miette::Result<(Optio
     };
     add("compute", certificate.compute.verdict, &certificate.compute.reasons);
     add("platform", certificate.platform.verdict, &certificate.platform.reasons);
+    if let Some(global) = &certificate.global {
+        add("global side", global.verdict, &global.reasons);
+    }
     Ok((Some(serde_json::to_value(&certificate).into_diagnostic()?), section))
 }
 

@@ -3,6 +3,10 @@
 
 pub mod bounds;
 pub mod causes;
+#[cfg(all(feature = "realtime", target_os = "linux"))]
+pub mod identity;
+#[cfg(all(feature = "realtime", target_os = "linux"))]
+pub mod parts;
 pub mod tail;
 #[cfg(all(feature = "realtime", target_os = "linux"))]
 pub mod verdict;

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::multirate::timeline::OverrunPolicy;
+use crate::realtime::exercise::Exercise;
 use crate::realtime::machine::Machine;
 use crate::realtime::meter::{Meter, Miss, TickTimes};
 use crate::realtime::record::Quantiles;
@@ -12,47 +13,18 @@ use crate::realtime::threads::{Obtained, Served, Window};
 use crate::session::ReplayReason;
 use crate::verify::certificate::bounds::{Independence, RateBound, Trials, Untested, ljung_box};
 use crate::verify::certificate::causes::{MissCause, Missed, StealSample, steal_grew};
+use crate::verify::certificate::identity::Identity;
+use crate::verify::certificate::parts::{
+    ComputePart, Coverage, GlobalPart, PlatformPart, Replayed, Verdict, compute_part, global_part, platform_part,
+};
 use crate::verify::certificate::tail::Tail;
 use crate::verify::lateness::Consequences;
 
-/// Least number of ticks for a verdict.
-const LEAST_TICKS: u64 = 1000;
 /// Lags of the test of independence.
 const LAGS: usize = 10;
 /// Margin around a miss, in which growth of the stolen time counts for it, ns: it covers the interval of the kernel's
 /// accounting and that between two samples of it.
 const STEAL_MARGIN_NS: u64 = 50_000_000;
-
-/// Verdict on a loop.
-///
-/// ```
-/// use stickslip::verify::certificate::verdict::Verdict;
-///
-/// let verdicts = [Verdict::Pass, Verdict::Fail, Verdict::Inconclusive];
-/// assert_eq!(serde_json::to_value(verdicts)?, serde_json::json!(verdicts.map(Verdict::name)));
-/// # Ok::<(), serde_json::Error>(())
-/// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "UPPERCASE")]
-pub enum Verdict {
-    /// The loop keeps its deadlines, as far as was measured.
-    Pass,
-    /// The loop does not keep its deadlines.
-    Fail,
-    /// The measurements do not decide.
-    Inconclusive,
-}
-
-impl Verdict {
-    /// Returns the name as it is printed.
-    pub fn name(self) -> &'static str {
-        match self {
-            Verdict::Pass => "PASS",
-            Verdict::Fail => "FAIL",
-            Verdict::Inconclusive => "INCONCLUSIVE",
-        }
-    }
-}
 
 /// One of the longest ticks, as recorded and repeated.
 #[derive(Debug, Clone, Serialize)]
@@ -61,8 +33,8 @@ pub struct WorstTick {
     pub pass: u32,
     /// Number of the tick in its pass, counted from 0.
     pub tick: u64,
-    /// Reason for which the tick was repeated.
-    pub why: ReplayReason,
+    /// Reasons for which the tick was repeated.
+    pub why: Vec<ReplayReason>,
     /// Recorded times; absent for a tick that was chosen for its kind.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     pub times: Option<TickTimes>,
@@ -70,57 +42,6 @@ pub struct WorstTick {
     pub warm_ns: [u64; 2],
     /// Times when repeated with cold caches: median and longest, ns.
     pub cold_ns: [u64; 2],
-}
-
-/// Part of a certificate on the program itself.
-#[derive(Debug, Clone, Serialize)]
-pub struct ComputePart {
-    /// Whether the program's own time keeps the deadline.
-    pub verdict: Verdict,
-    /// Reasons for the verdict.
-    pub reasons: Vec<String>,
-    /// Wall time from begin to command, ns.
-    pub compute_ns: Quantiles,
-    /// CPU time from begin to command, ns, including about 0.2 µs for reading that clock.
-    pub cpu_ns: Quantiles,
-}
-
-/// Control loop without a payload, released half a tick after each tick: it shows the machine without the program.
-#[derive(Debug, Clone, Serialize)]
-pub struct ControlPart {
-    /// Time from release to begin, ns.
-    pub release_ns: Quantiles,
-    /// Time from release to the end of the empty computation, ns.
-    pub response_ns: Quantiles,
-    /// Deadlines missed by the control loop.
-    pub misses: u64,
-    /// Releases that were omitted, because they had passed before the tick ended.
-    pub skipped: u64,
-}
-
-/// Part of a certificate on the program on this machine.
-#[derive(Debug, Clone, Serialize)]
-pub struct PlatformPart {
-    /// Whether commands came by their deadline.
-    pub verdict: Verdict,
-    /// Reasons for the verdict.
-    pub reasons: Vec<String>,
-    /// Exact number of ticks whose command came too late.
-    pub misses: u64,
-    /// Number of skipped ticks.
-    pub skipped: u64,
-    /// Largest number of consecutive late or skipped ticks.
-    pub longest_miss_run: u64,
-    /// Time from the scheduled release to the command, ns.
-    pub response_ns: Quantiles,
-    /// Time from the scheduled release to the tick's begin, ns.
-    pub release_ns: Quantiles,
-    /// Number of misses by cause.
-    pub causes: BTreeMap<MissCause, u64>,
-    /// Number of misses without a cause: those beyond the recorded ones.
-    pub misses_without_cause: u64,
-    /// Control loop without a payload.
-    pub control: ControlPart,
 }
 
 /// Deadline miss.
@@ -155,10 +76,12 @@ pub struct MissRate {
 /// This certificate covers ten ticks, one of which was woken too late:
 ///
 /// ```
-/// use stickslip::verify::certificate::verdict::{Certificate, Circumstances, Verdict};
+/// use stickslip::verify::certificate::{parts::Verdict, verdict::{Certificate, Circumstances}};
 /// use stickslip::realtime::meter::{Meter, TickTimes};
 /// use stickslip::realtime::threads::{Obtained, Served, Window};
-/// # use stickslip::realtime::machine::Machine;
+/// # use stickslip::realtime::{exercise::Exercise, machine::Machine};
+/// # use stickslip::realtime::record::Quantiles;
+/// # use stickslip::verify::certificate::identity::Identity;
 /// # use stickslip::multirate::timeline::OverrunPolicy;
 /// # use stickslip::verify::lateness::{Consequence, Consequences};
 /// use stickslip::verify::certificate::causes::MissCause;
@@ -173,7 +96,9 @@ pub struct MissRate {
 /// # let window = Window { allocations: Some(0), end_ns: 10_000_000, ..Window::default() };
 /// # let obtained = Obtained { policy: "SCHED_FIFO", priority: 80,
 /// #     cpus: vec![0], memory_locked: true, refused: vec![] };
-/// let served = Served { passes, meter, window, obtained, stopped, fault };
+/// # let (global, exercise) = (None, Exercise::default());
+/// # let idle = Quantiles::of(&meter.compute);
+/// let served = Served { passes, meter, global, exercise, window, obtained, stopped, fault };
 /// # let overrun = OverrunPolicy::Hold;
 /// # let on_time = Consequence {
 /// #     overrun, share: 0.0, missed_ticks: [0; 2], force_error_rms_rel: Some(0.0), largest_jump_n: 0.0,
@@ -181,8 +106,9 @@ pub struct MissRate {
 /// # };
 /// # let consequences = Consequences { late_tick_ticks: 1.5, on_time, late: vec![] };
 /// # let circumstances = Circumstances {
-/// #     scene: "example".into(), rate_hz: 1e3, overrun, load: "none".into(), steal: vec![],
-/// #     machine: Machine::describe(0), replayed: true, worst: vec![], consequences,
+/// #     identity: Identity::default(), scene: "example".into(), rate_hz: 1e3, overrun, load: "none".into(),
+/// #     steal: vec![], machine: Machine::describe(0), replayed: true, worst: vec![], consequences, idle,
+/// #     asked_ticks: 10, path_ticks: 10, longest_pass_ticks: 10, lockstep: Exercise::default(),
 /// # };
 /// let certificate = Certificate::new(&served, circumstances);
 /// // The program was never slow, but ten ticks are too few to prove it. The deadline was missed all the same.
@@ -195,6 +121,8 @@ pub struct MissRate {
 pub struct Certificate {
     /// Version of the program.
     pub version: &'static str,
+    /// When, of what and on what the measurement was made.
+    pub identity: Identity,
     /// Name of the scene.
     pub scene: String,
     /// Number of ticks in the window.
@@ -215,10 +143,14 @@ pub struct Certificate {
     pub fault: Option<String>,
     /// Counters of the servo thread.
     pub window: Window,
+    /// What the window went through: the verdicts hold for nothing else.
+    pub coverage: Coverage,
     /// Verdict on the program itself.
     pub compute: ComputePart,
     /// Verdict on the program on this machine.
     pub platform: PlatformPart,
+    /// Verdict on the global side; absent without cycles.
+    pub global: Option<GlobalPart>,
     /// Bounds of the rate of deadline misses.
     pub miss_rate: MissRate,
     /// Extrapolation of the longest response to longer runs.
@@ -242,6 +174,8 @@ pub struct Certificate {
 /// Circumstances of a measured loop.
 #[derive(Debug)]
 pub struct Circumstances {
+    /// When, of what and on what the measurement was made.
+    pub identity: Identity,
     /// Name of the scene.
     pub scene: String,
     /// Rate of the local loop, Hz.
@@ -260,12 +194,32 @@ pub struct Circumstances {
     pub worst: Vec<WorstTick>,
     /// Effect of missed deadlines on this scene, in virtual time.
     pub consequences: Consequences,
+    /// Wall time of the first pass's ticks, repeated after the load has ended, ns.
+    pub idle: Quantiles,
+    /// Number of ticks that were asked for.
+    pub asked_ticks: u64,
+    /// Number of ticks of the scene's path.
+    pub path_ticks: u64,
+    /// Number of ticks of the longest pass.
+    pub longest_pass_ticks: u64,
+    /// Counts of the scene's path in lockstep.
+    pub lockstep: Exercise,
 }
 
 impl Certificate {
     /// Judges a measured loop.
     pub fn new(served: &Served, around: Circumstances) -> Self {
-        let Served { meter, window, obtained, stopped, fault, .. } = served;
+        let Served { meter, global, exercise, window, obtained, stopped, fault, .. } = served;
+        let coverage = Coverage {
+            path_share: (around.longest_pass_ticks as f64 / around.path_ticks as f64).min(1.0),
+            asked_ticks: around.asked_ticks,
+            window: *exercise,
+            lockstep: around.lockstep,
+        };
+        let cut_short = stopped.then(|| {
+            let done = meter.ticks() + meter.skipped();
+            format!("the window was stopped after {done} of {} ticks: let it run to its end", around.asked_ticks)
+        });
         let fault = fault.map(|fault| fault.to_string());
         let stolen =
             around.steal.first().zip(around.steal.last()).map(|(first, last)| last.stolen_ticks - first.stolen_ticks);
@@ -280,6 +234,7 @@ impl Certificate {
         let missed_blocks = meter.blocks().iter().filter(|block| block.misses > 0).count() as u64;
         Self {
             version: env!("CARGO_PKG_VERSION"),
+            identity: around.identity,
             scene: around.scene,
             ticks: meter.ticks(),
             duration_s: window.end_ns.saturating_sub(window.begin_ns) as f64 * 1e-9,
@@ -289,8 +244,22 @@ impl Certificate {
             load: around.load,
             stopped: *stopped,
             window: *window,
-            compute: compute_part(meter, window, &around.worst, around.replayed, fault.as_deref()),
-            platform: platform_part(meter, obtained, causes, misses.len() as u64),
+            coverage,
+            compute: {
+                let open = coverage.gaps(around.path_ticks as f64 / around.rate_hz);
+                let open = cut_short.iter().cloned().chain(open).collect();
+                let replayed = Replayed { same: around.replayed, worst: &around.worst, idle: around.idle };
+                compute_part(meter, window, replayed, fault.as_deref(), open)
+            },
+            platform: platform_part(
+                meter,
+                window,
+                obtained,
+                causes,
+                misses.len() as u64,
+                cut_short.into_iter().collect(),
+            ),
+            global: global.as_ref().map(|global| global_part(global, window)),
             miss_rate: MissRate {
                 ticks: RateBound::of(meter.missed() + meter.skipped(), meter.ticks() + meter.skipped(), Trials::Ticks),
                 blocks: RateBound::of(missed_blocks, meter.blocks().len() as u64, Trials::Blocks),
@@ -310,126 +279,17 @@ impl Certificate {
         }
     }
 
-    /// Returns the verdict on the whole: the worse of the two.
+    /// Returns the verdict on the whole: the worst of its parts.
     pub fn verdict(&self) -> Verdict {
-        match (self.compute.verdict, self.platform.verdict) {
-            (Verdict::Fail, _) | (_, Verdict::Fail) => Verdict::Fail,
-            (Verdict::Pass, Verdict::Pass) => Verdict::Pass,
-            _ => Verdict::Inconclusive,
+        let parts = [Some(self.compute.verdict), Some(self.platform.verdict), self.global.as_ref().map(|g| g.verdict)];
+        let has = |verdict| parts.contains(&Some(verdict));
+        if has(Verdict::Fail) {
+            Verdict::Fail
+        } else if has(Verdict::Inconclusive) {
+            Verdict::Inconclusive
+        } else {
+            Verdict::Pass
         }
-    }
-}
-
-/// Judges the program: its own time, and that it allocates nothing and repeats.
-fn compute_part(
-    meter: &Meter,
-    window: &Window,
-    worst: &[WorstTick],
-    replayed: bool,
-    fault: Option<&str>,
-) -> ComputePart {
-    let deadline_ns = meter.deadline_ns();
-    let us = |ns: u64| ns as f64 * 1e-3;
-    let (mut failed, mut open, mut passed) = (Vec::new(), Vec::new(), Vec::new());
-    if let Some(fault) = fault {
-        failed.push(format!("the run ended in a fault: {fault}"));
-    }
-    match window.allocations {
-        Some(0) => passed.push("no allocator calls in the window".to_owned()),
-        Some(calls) => failed.push(format!("{calls} allocator calls in the window; 0 are allowed")),
-        None => open.push("allocator calls were not counted".to_owned()),
-    }
-    match (replayed, window.lost_notes) {
-        (true, _) => passed.push("repeated passes command the same forces to the bit".to_owned()),
-        (false, 0) => failed.push("a repeated pass commands different forces".to_owned()),
-        // Models may have been built from a path with gaps, while the repetition builds them from the whole path. Which
-        // pass lost the notes is not known.
-        (false, lost) => open.push(format!(
-            "a repeated pass commands different forces, possibly because of {lost} notes lost to a full ring: \
-             the global side was late by cycles and built models from a path with gaps"
-        )),
-    }
-    // A tick that is slow by itself is slow again when it is repeated.
-    let slow = worst.iter().filter(|tick| tick.warm_ns[0].max(tick.cold_ns[0]) > deadline_ns);
-    for tick in slow {
-        let took = us(tick.warm_ns[0].max(tick.cold_ns[0]));
-        failed.push(format!("tick {} of pass {} takes {took:.1} µs whenever it is repeated", tick.tick, tick.pass));
-    }
-    let longest = meter.cpu.max_ns();
-    if longest <= deadline_ns {
-        passed.push(format!("no tick took more than {:.1} µs of CPU time", us(longest)));
-    } else if failed.is_empty() {
-        open.push(format!(
-            "a tick took {:.1} µs of CPU time, which includes time taken by a hypervisor or interrupts; repeated, the \
-             worst ticks keep the deadline",
-            us(longest)
-        ));
-    }
-    if meter.ticks() < LEAST_TICKS {
-        open.push(format!("{} ticks are too few; at least {LEAST_TICKS} are needed", meter.ticks()));
-    }
-    let (verdict, reasons) = judge(failed, open, passed);
-    ComputePart { verdict, reasons, compute_ns: Quantiles::of(&meter.compute), cpu_ns: Quantiles::of(&meter.cpu) }
-}
-
-/// Judges the result on this machine: deadlines apply to responses.
-fn platform_part(meter: &Meter, obtained: &Obtained, causes: BTreeMap<MissCause, u64>, explained: u64) -> PlatformPart {
-    let (mut failed, mut open, mut passed) = (Vec::new(), Vec::new(), Vec::new());
-    let (control_misses, skipped) = meter.control_missed();
-    match meter.missed() {
-        0 => passed.push(format!("no deadline missed in {} ticks", meter.ticks())),
-        misses => failed.push(format!("{misses} of {} ticks missed their deadline", meter.ticks())),
-    }
-    if meter.skipped() > 0 {
-        failed.push(format!("{} ticks were skipped", meter.skipped()));
-    }
-    if !failed.is_empty() && control_misses > 0 {
-        failed.push(format!(
-            "the control loop without a payload missed {control_misses} of {} deadlines: the machine alone causes misses",
-            meter.control_response.count()
-        ));
-    }
-    if obtained.is_realtime() {
-        passed.push(format!("{} at priority {}", obtained.policy, obtained.priority));
-    } else {
-        open.push(format!(
-            "SCHED_FIFO was not granted ({}): nothing else can be proven; allow real-time scheduling",
-            obtained.policy
-        ));
-    }
-    if !obtained.memory_locked {
-        open.push("memory was not locked: any tick may incur a page fault; allow locked memory".to_owned());
-    }
-    if meter.ticks() < LEAST_TICKS {
-        open.push(format!("{} ticks are too few; at least {LEAST_TICKS} are needed", meter.ticks()));
-    }
-    let (verdict, reasons) = judge(failed, open, passed);
-    PlatformPart {
-        verdict,
-        reasons,
-        misses: meter.missed(),
-        skipped: meter.skipped(),
-        longest_miss_run: meter.longest_run(),
-        response_ns: Quantiles::of(&meter.response),
-        release_ns: Quantiles::of(&meter.release),
-        causes,
-        misses_without_cause: meter.missed() - explained,
-        control: ControlPart {
-            release_ns: Quantiles::of(&meter.control_release),
-            response_ns: Quantiles::of(&meter.control_response),
-            misses: control_misses,
-            skipped,
-        },
-    }
-}
-
-fn judge(failed: Vec<String>, open: Vec<String>, passed: Vec<String>) -> (Verdict, Vec<String>) {
-    if !failed.is_empty() {
-        (Verdict::Fail, failed)
-    } else if !open.is_empty() {
-        (Verdict::Inconclusive, open)
-    } else {
-        (Verdict::Pass, passed)
     }
 }
 

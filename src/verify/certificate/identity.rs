@@ -1,0 +1,67 @@
+//! What a certificate belongs to: a time, a program, a scene with its mesh, and a machine.
+
+use std::time::SystemTime;
+
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+
+use crate::model::mesh::Mesh;
+use crate::realtime::machine::Machine;
+use crate::scene::Scene;
+use crate::verify::baseline::Provenance;
+
+/// Identity of a measurement. Equal hashes stand for equal things; what is not known is `None`.
+///
+/// ```
+/// use stickslip::{realtime::machine::Machine, scene::Scene, verify::certificate::identity::Identity};
+///
+/// let machine = Machine::describe(0);
+/// let of = |name: &str| Identity::now(&Scene::shipped(name).expect("shipped with the program"), &machine);
+/// let (sliding, sticking) = (of("fig3-sliding"), of("fig4-sticking"));
+/// assert_ne!(sliding.scene_sha256, sticking.scene_sha256);
+/// assert_eq!(sliding.mesh_sha256, sticking.mesh_sha256); // the same block
+/// assert_eq!(sliding.machine_sha256, sticking.machine_sha256);
+/// assert!(sliding.date.ends_with('Z') && sliding.program_sha256 == machine.program_sha256);
+/// ```
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct Identity {
+    /// Time at which the verdicts were reached, UTC.
+    pub date: String,
+    /// Commit that the program was built from, with `+` if files had changed; `None` for debug builds and outside of a
+    /// clone.
+    pub commit: Option<&'static str>,
+    /// SHA-256 of the scene, as in baselines.
+    pub scene_sha256: String,
+    /// SHA-256 of the mesh: nodes, edges and triangles.
+    pub mesh_sha256: String,
+    /// SHA-256 of the program that ran.
+    pub program_sha256: Option<String>,
+    /// SHA-256 of the machine's description, without the program.
+    pub machine_sha256: String,
+}
+
+impl Identity {
+    /// Describes a measurement that ends now.
+    pub fn now(scene: &Scene, machine: &Machine) -> Self {
+        let hardware = Machine { program_sha256: None, ..machine.clone() };
+        Self {
+            date: humantime::format_rfc3339_seconds(SystemTime::now()).to_string(),
+            commit: option_env!("STICKSLIP_COMMIT"),
+            scene_sha256: Provenance::of(scene).scene_sha256,
+            mesh_sha256: mesh_sha256(&scene.mesh.mesh()),
+            program_sha256: machine.program_sha256.clone(),
+            machine_sha256: hex(Sha256::digest(format!("{hardware:?}"))),
+        }
+    }
+}
+
+fn hex(digest: impl AsRef<[u8]>) -> String {
+    digest.as_ref().iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn mesh_sha256(mesh: &Mesh) -> String {
+    let mut hash = Sha256::new();
+    mesh.nodes.iter().flat_map(|node| node.iter()).for_each(|x| hash.update(x.to_bits().to_le_bytes()));
+    mesh.edges.iter().flatten().chain(mesh.triangles.iter().flatten()).for_each(|node| hash.update(node.to_le_bytes()));
+    hex(hash.finalize())
+}
