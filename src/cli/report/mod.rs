@@ -236,19 +236,12 @@ fn stability_verdict(file: &StabilityFile) -> Verdict {
 fn certificate(verdicts: &mut Vec<Verdict>, out: &Path) -> miette::Result<(Option<serde_json::Value>, Markup)> {
     use miette::IntoDiagnostic;
 
-    use crate::verify::certificate::parts::Verdict as Found;
-
     let (certificate, section) = match super::certify::brief(&shipped(LOOP_SCENE)?, CERTIFICATE_S, out) {
         Ok(made) => made,
         Err(error) => return Ok((None, not_certified(verdicts, VerdictStatus::Fail, &error.to_string()))),
     };
-    let outcome = |found: Found| match found {
-        Found::Pass => VerdictStatus::Pass,
-        Found::Inconclusive => VerdictStatus::Inconclusive,
-        Found::Fail => VerdictStatus::Fail,
-    };
     let mut add = |part: &str, found, reasons: &[String]| {
-        verdicts.push(certified(&format!("certificate, {part}"), outcome(found), &reasons.join("; ")));
+        verdicts.push(certified(&format!("certificate, {part}"), found, &reasons.join("; ")));
     };
     add("compute", certificate.compute.verdict, &certificate.compute.reasons);
     add("platform", certificate.platform.verdict, &certificate.platform.reasons);

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::causes::MissCause;
 use super::verdict::WorstTick;
+pub use crate::output::verdict::Verdict;
 use crate::realtime::builder::GlobalTimes;
 use crate::realtime::exercise::Exercise;
 use crate::realtime::meter::Meter;
@@ -16,36 +17,6 @@ use crate::realtime::threads::{Obtained, Window};
 const LEAST_TICKS: u64 = 1000;
 /// Least number of models for a verdict on the global side.
 const LEAST_MODELS: u64 = 10;
-/// Verdict on a loop.
-///
-/// ```
-/// use stickslip::verify::certificate::parts::Verdict;
-///
-/// let verdicts = [Verdict::Pass, Verdict::Fail, Verdict::Inconclusive];
-/// assert_eq!(serde_json::to_value(verdicts)?, serde_json::json!(verdicts.map(Verdict::name)));
-/// # Ok::<(), serde_json::Error>(())
-/// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "UPPERCASE")]
-pub enum Verdict {
-    /// The loop keeps its deadlines, as far as was measured.
-    Pass,
-    /// The loop does not keep its deadlines.
-    Fail,
-    /// The measurements do not decide.
-    Inconclusive,
-}
-
-impl Verdict {
-    /// Returns the name as it is printed.
-    pub fn name(self) -> &'static str {
-        match self {
-            Verdict::Pass => "PASS",
-            Verdict::Fail => "FAIL",
-            Verdict::Inconclusive => "INCONCLUSIVE",
-        }
-    }
-}
 
 /// Part of a certificate on the program itself.
 #[derive(Debug, Clone, Serialize)]
