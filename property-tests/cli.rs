@@ -239,6 +239,24 @@ fn a_far_start_is_outside() {
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stdout));
 }
 
+/// An implicit step of 19,200 nodes takes 3.1 GiB for its factor, and the process has 0.6 GB of address space.
+#[cfg(unix)]
+#[test]
+fn a_run_beyond_the_memory_of_its_process_is_refused() {
+    let folder = Folder::new("address-space");
+    let text = GOOD
+        .replace("nodes = [9, 9, 4]", "nodes = [40, 40, 12]")
+        .replace("integrator = \"semi-implicit-euler\"\nsubsteps", "integrator = \"implicit-euler\"\nsubsteps");
+    assert!(text.contains("implicit-euler\"\nsubsteps"));
+    let (scene, out) = (folder.write("large.toml", &text), folder.path("out"));
+    let program = assert_cmd::cargo::cargo_bin!("stickslip").display().to_string();
+    let limited = format!("ulimit -v 600000; exec {program} run {} --out {}", scene.display(), out.display());
+    let output = Command::new("sh").args(["-c", &limited]).output().expect("a shell");
+    let message = stderr(&output).split_whitespace().collect::<Vec<_>>().join(" ");
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(message.contains("19200 nodes") && message.contains("MiB are free") && !out.exists(), "{message}");
+}
+
 #[test]
 fn explain_tells_sizes_limits_and_what_is_left_out() {
     let output = stickslip(&["explain", "fig3-sliding"]);

@@ -41,6 +41,8 @@ struct Sizes {
     ticks_per_cycle: u32,
     patch_nodes: usize,
     patch_springs: usize,
+    /// Estimated memory of a run, MiB.
+    memory_estimate_mib: f64,
     /// Stiffness of the softest and of the stiffest spring.
     stiffness_n_per_m: [f64; 2],
     /// Damping of the least and of the most damped spring.
@@ -123,6 +125,7 @@ fn sizes(scene: &Scene, simulation: &Simulation) -> Sizes {
         ticks_per_cycle: scene.ticks_per_cycle(),
         patch_nodes: patch.len(),
         patch_springs: patch.springs.len(),
+        memory_estimate_mib: scene.memory_estimate() as f64 / f64::from(1 << 20),
         stiffness_n_per_m: scene.material.stiffness.range(),
         damping_n_s_per_m: scene.material.damping.range(),
     }
@@ -194,6 +197,7 @@ fn text(e: &Explanation) -> String {
         e.sizes.patch_nodes, e.sizes.patch_springs
     ));
     line(format!("  time      {} ticks, {} per global cycle", e.sizes.ticks, e.sizes.ticks_per_cycle));
+    line(format!("  memory    about {:.0} MiB", e.sizes.memory_estimate_mib));
     line("\nParts of the pipeline (the setting that decides)".to_owned());
     e.needed.iter().for_each(|part| line(format!("  + {part}")));
     line("\nOmitted".to_owned());

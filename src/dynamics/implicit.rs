@@ -7,6 +7,7 @@ use faer::sparse::{SparseColMat, Triplet};
 use thiserror::Error;
 
 use super::constraint::Constraint;
+use super::sparse::SolveError;
 use crate::model::network::Network;
 use crate::model::springs::{TangentKind, spring_blocks};
 use crate::model::state::{ExternalForce, State};
@@ -26,10 +27,17 @@ const GIVEN: usize = usize::MAX;
 
 /// A step that was not solved.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
-#[error("implicit Euler of the network did not converge: velocities still change by {change:e} m/s")]
-pub struct NotSolved {
-    /// Last change of velocity, m/s; NaN where the matrix is singular.
-    pub change: f64,
+#[non_exhaustive]
+pub enum NotSolved {
+    /// Newton's method does not converge.
+    #[error("implicit Euler of the network did not converge: velocities still change by {change:e} m/s")]
+    NotConverged {
+        /// Last change of velocity, m/s.
+        change: f64,
+    },
+    /// The linear equations have no solution.
+    #[error("implicit Euler of the network has no solution: {0}")]
+    Equations(#[from] SolveError),
 }
 
 /// Newton's method for one network.
@@ -67,7 +75,7 @@ impl Newton {
     /// Does one step of length h. Returns the number of evaluations of the network's forces.
     ///
     /// # Errors
-    /// If the iterations do not converge.
+    /// If the iterations do not converge, or the linear equations have no solution or do not fit into memory.
     pub fn step(
         &mut self,
         network: &Network,
@@ -87,10 +95,7 @@ impl Newton {
         let mut residual = self.residual(network, state, h, constraint);
         let mut size = f64::INFINITY;
         for _ in 0..ITERATIONS {
-            let Some(size_now) = self.solve(network, state, h, constraint) else {
-                return Err(NotSolved { change: f64::NAN });
-            };
-            size = size_now;
+            size = self.solve(network, state, h, constraint)?;
             let before = residual;
             let full = self.change.clone();
             let from = state.v.clone();
@@ -112,7 +117,7 @@ impl Newton {
                 return Ok(evaluations);
             }
         }
-        Err(NotSolved { change: size })
+        Err(NotSolved::NotConverged { change: size })
     }
 
     /// Numbers the nodes that are neither fixed nor prescribed.
@@ -156,21 +161,31 @@ impl Newton {
         free.iter().map(Vec3::norm_squared).sum::<f64>().sqrt()
     }
 
-    /// Solves for the change of v from the residual. Returns its largest component, or `None` if A is singular.
+    /// Solves for the change of v from the residual. Returns its largest component.
     ///
     /// Under P = I − gW/s the change obeys Wδ = 0 and Aδ = −ρ + Mgν: both parts are solved for, then ν.
-    fn solve(&mut self, network: &Network, state: &State, h: f64, constraint: &impl Constraint) -> Option<f64> {
+    ///
+    /// # Errors
+    /// If A is singular or its factor does not fit into memory.
+    fn solve(
+        &mut self,
+        network: &Network,
+        state: &State,
+        h: f64,
+        constraint: &impl Constraint,
+    ) -> Result<f64, SolveError> {
         let count = 3 * self.unknowns().count();
         if count == 0 {
-            return Some(0.0);
+            return Ok(0.0);
         }
         let matrix = self.matrix(network, state, h, count)?;
         let symbolic = match &self.symbolic {
             Some(symbolic) => symbolic.clone(),
-            None => SymbolicLu::try_new(matrix.symbolic()).ok()?,
+            None => SymbolicLu::try_new(matrix.symbolic()).map_err(|error| SolveError::of_memory(error, count))?,
         };
         self.symbolic = Some(symbolic.clone());
-        let lu = Lu::try_new_with_symbolic(symbolic, matrix.as_ref()).ok()?;
+        let lu =
+            Lu::try_new_with_symbolic(symbolic, matrix.as_ref()).map_err(|error| SolveError::of_lu(error, count))?;
 
         let held = constraint.held();
         let mut rhs = faer::Mat::<f64>::zeros(count, if held.is_some() { 4 } else { 1 });
@@ -189,7 +204,8 @@ impl Newton {
                 let of = |column: usize| -> Vec3 {
                     support.nodes().iter().map(|node| at(column, self.number[node.slot]) * node.weight).sum()
                 };
-                Mat3::from_columns(&[of(1), of(2), of(3)]).try_inverse()? * -of(0)
+                let held = Mat3::from_columns(&[of(1), of(2), of(3)]).try_inverse();
+                held.ok_or(SolveError::Singular)? * -of(0)
             }
         };
         let mut largest = 0.0_f64;
@@ -207,11 +223,17 @@ impl Newton {
             };
         }
         self.change = change;
-        largest.is_finite().then_some(largest)
+        if largest.is_finite() { Ok(largest) } else { Err(SolveError::Singular) }
     }
 
     /// A = M − hD − h²K over the nodes that are solved for.
-    fn matrix(&self, network: &Network, state: &State, h: f64, count: usize) -> Option<SparseColMat<usize, f64>> {
+    fn matrix(
+        &self,
+        network: &Network,
+        state: &State,
+        h: f64,
+        count: usize,
+    ) -> Result<SparseColMat<usize, f64>, SolveError> {
         let mut triplets = Vec::with_capacity(9 * (self.number.len() + 4 * network.springs.len()));
         let mut add = |row: usize, column: usize, block: Mat3| {
             for (a, b) in (0..9).map(|i| (i / 3, i % 3)) {
@@ -239,6 +261,7 @@ impl Newton {
                 }
             }
         }
-        SparseColMat::try_new_from_triplets(count, count, &triplets).ok()
+        SparseColMat::try_new_from_triplets(count, count, &triplets)
+            .map_err(|error| SolveError::of_creation(error, count))
     }
 }

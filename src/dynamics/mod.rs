@@ -6,5 +6,6 @@ pub mod implicit;
 pub mod integrators;
 mod rk4;
 pub mod settle;
+pub mod sparse;
 pub mod stability;
 pub mod statics;

@@ -2,6 +2,7 @@
 
 use thiserror::Error;
 
+use super::sparse::SolveError;
 use super::statics::Statics;
 use crate::Vec3;
 use crate::model::network::Network;
@@ -32,6 +33,9 @@ pub enum SettleError {
         /// First node of the piece.
         node: u32,
     },
+    /// The equations do not fit into memory.
+    #[error("no equilibrium was computed: {0}")]
+    Memory(SolveError),
     /// Newton's method does not converge.
     #[error("no equilibrium was found: a force of {residual_n:e} N remains on a node, more than {tolerance_n:e} N")]
     NotSettled {
@@ -85,9 +89,17 @@ pub fn settle(network: &Network) -> Result<Vec<Vec3>, SettleError> {
         if residual.largest <= tolerance_n && tolerance_n.is_finite() {
             return Ok(x);
         }
-        let mut tangents = std::iter::once((TangentKind::Exact, 0.0))
+        let tangents = std::iter::once((TangentKind::Exact, 0.0))
             .chain(SHIFTS.map(|share| (TangentKind::Stabilised, share * stiffest)));
-        let step = tangents.find_map(|(kind, shift)| statics.displacements(network, &x, kind, shift, &residual.force));
+        let mut step = None;
+        for (kind, shift) in tangents {
+            match statics.displacements(network, &x, kind, shift, &residual.force) {
+                Ok(found) => step = Some(found),
+                Err(SolveError::Singular) => continue,
+                Err(error @ SolveError::OutOfMemory { .. }) => return Err(SettleError::Memory(error)),
+            }
+            break;
+        }
         let Some(step) = step else { break };
         // The direction is downhill, since the matrix is definite.
         let slope: f64 = residual.force.iter().zip(&step).map(|(force, step)| -force.dot(step)).sum();

@@ -5,6 +5,7 @@ use faer::prelude::Solve;
 use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
 use faer::sparse::{SparseColMat, Triplet};
 
+use super::sparse::SolveError;
 use crate::model::network::Network;
 use crate::model::springs::{TangentKind, spring_blocks};
 use crate::{Mat3, Vec3};
@@ -61,7 +62,10 @@ impl Statics {
     }
 
     /// Returns u with (−∂f/∂x + shift) u = load over the free components, m, from loads in N and a shift in N/m; zero
-    /// where components are held. Returns `None` if the matrix is not positive definite or the result is not finite.
+    /// where components are held.
+    ///
+    /// # Errors
+    /// If the matrix is not positive definite, the result is not finite, or the factor does not fit into memory.
     pub fn displacements(
         &mut self,
         network: &Network,
@@ -69,27 +73,35 @@ impl Statics {
         kind: TangentKind,
         shift: f64,
         load: &[Vec3],
-    ) -> Option<Vec<Vec3>> {
+    ) -> Result<Vec<Vec3>, SolveError> {
         let mut u = vec![Vec3::zeros(); x.len()];
         if self.unknowns == 0 {
-            return Some(u);
+            return Ok(u);
         }
         let matrix = self.matrix(network, x, kind, shift)?;
         let symbolic = match &self.symbolic {
             Some(symbolic) => symbolic.clone(),
-            None => SymbolicLlt::try_new(matrix.symbolic(), Side::Lower).ok()?,
+            None => SymbolicLlt::try_new(matrix.symbolic(), Side::Lower)
+                .map_err(|error| SolveError::of_memory(error, self.unknowns))?,
         };
         self.symbolic = Some(symbolic.clone());
-        let factor = Llt::try_new_with_symbolic(symbolic, matrix.as_ref(), Side::Lower).ok()?;
+        let factor = Llt::try_new_with_symbolic(symbolic, matrix.as_ref(), Side::Lower)
+            .map_err(|error| SolveError::of_llt(error, self.unknowns))?;
         let mut column = faer::Mat::<f64>::zeros(self.unknowns, 1);
         let places = || self.number.iter().enumerate().flat_map(|(node, of)| (0..3).map(move |a| (node, a, of[a])));
         places().filter(|place| place.2 != HELD).for_each(|(node, axis, i)| column[(i, 0)] = load[node][axis]);
         factor.solve_in_place(column.as_mut());
         places().filter(|place| place.2 != HELD).for_each(|(node, axis, i)| u[node][axis] = column[(i, 0)]);
-        u.iter().flat_map(|u| u.iter()).all(|u| u.is_finite()).then_some(u)
+        if u.iter().flat_map(|u| u.iter()).all(|u| u.is_finite()) { Ok(u) } else { Err(SolveError::Singular) }
     }
 
-    fn matrix(&self, network: &Network, x: &[Vec3], kind: TangentKind, shift: f64) -> Option<SparseColMat<usize, f64>> {
+    fn matrix(
+        &self,
+        network: &Network,
+        x: &[Vec3],
+        kind: TangentKind,
+        shift: f64,
+    ) -> Result<SparseColMat<usize, f64>, SolveError> {
         let mut triplets = Vec::with_capacity(self.unknowns + 24 * network.springs.len());
         for number in &self.number {
             for &i in number.iter().filter(|&&i| i != HELD) {
@@ -110,6 +122,7 @@ impl Statics {
             let blocks = spring_blocks([self.number[i], self.number[j]]);
             blocks.into_iter().for_each(|(row, column, sign)| add(row, column, &block, sign));
         }
-        SparseColMat::try_new_from_triplets(self.unknowns, self.unknowns, &triplets).ok()
+        SparseColMat::try_new_from_triplets(self.unknowns, self.unknowns, &triplets)
+            .map_err(|error| SolveError::of_creation(error, self.unknowns))
     }
 }

@@ -64,8 +64,7 @@ pub(super) fn mesh(scene: &Scene) -> Checked {
     if let MeshSource::Block(given) = &scene.mesh {
         block(given)?;
     }
-    let (local, integrator) = (&scene.local, scene.integrator);
-    mesh_fits(&scene.mesh, Run { local, integrator, ticks: scene.tick_count, ticks_per_cycle: scene.ticks_per_cycle })
+    mesh_fits(&scene.mesh, Run::of(scene))
 }
 
 pub(super) fn block(block: &Block) -> Checked {

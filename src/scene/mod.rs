@@ -238,6 +238,11 @@ impl Scene {
         self.is_full
     }
 
+    /// Estimates the memory of a run, bytes: network, local model, factors, and what is recorded of its ticks.
+    pub fn memory_estimate(&self) -> u128 {
+        memory::estimate(self)
+    }
+
     /// Returns warnings about settings that are accepted but may be unintended.
     pub fn warnings(&self) -> Vec<Warning> {
         let mut warnings = self.mesh.warnings(&self.fixed);

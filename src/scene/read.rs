@@ -22,6 +22,7 @@ use super::words::{LawName, LocalModelName, SchemeName};
 use super::{DEFAULT_GLOBAL_RATE_HZ, DEFAULT_LOCAL_RATE_HZ, Scene, Schedule, check};
 use crate::contact::law::{Friction, Law};
 use crate::contact::rules::{ContactRules, Scheme, Wall};
+use crate::dynamics::integrators::GlobalIntegrator;
 
 type Read<T = ()> = Result<T, Problem>;
 
@@ -73,7 +74,15 @@ fn assemble(file: SceneFile, folder: &Path) -> Read<Scene> {
     let is_full = file.local.model == LocalModelName::Full;
     let local = local::local(&file.local)?;
     let integrator = file.local.integrator.unwrap_or_default();
-    let size = check::Run { local: &local, integrator, ticks: tick_count, ticks_per_cycle };
+    let global = global::global(&file)?;
+    let size = check::Run {
+        local: &local,
+        integrator,
+        ticks: tick_count,
+        ticks_per_cycle,
+        settles: file.settle.unwrap_or(false),
+        is_implicit: !is_full && global.integrator == GlobalIntegrator::ImplicitEuler,
+    };
     let (mesh, fixed) = mesh::mesh(&file.mesh, folder, size)?;
     let material = material::material(&file.material, &mesh)?;
     let schedule = file.run.schedule;
@@ -89,7 +98,7 @@ fn assemble(file: SceneFile, folder: &Path) -> Read<Scene> {
     let (instrument, path) = instrument::instrument(&file.instrument, folder)?;
     Ok(Scene {
         settle: file.settle.unwrap_or(false),
-        global: global::global(&file)?,
+        global,
         contact: contact(&file.contact)?,
         surface: file.contact.surface,
         contact_radius: file.contact.radius.unwrap_or(0.0),

@@ -116,7 +116,7 @@ impl Body {
         }
         let mut statics = Statics::new(given.iter().map(|node| node.map(|value| value.is_some())));
         let answer = statics.displacements(&self.network, &self.network.rest, TangentKind::Exact, 0.0, &load);
-        let answer = answer.ok_or(ElasticityError::Unstable)?;
+        let answer = answer.map_err(|_| ElasticityError::Unstable)?;
         Ok(imposed.iter().zip(answer).map(|(imposed, u)| imposed + u).collect())
     }
 
