@@ -19,6 +19,7 @@ mod limit_surface;
 mod linearization;
 mod massless;
 mod mesh_files;
+mod mesh_formats;
 mod multirate;
 mod nearest;
 mod network;

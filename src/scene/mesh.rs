@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::mesh_file::FileMesh;
+use crate::mesh_file::{Changes, FileMesh};
 use crate::model::material::Bulk;
 use crate::model::mesh::{Block, Mesh};
 
@@ -108,6 +108,20 @@ impl From<FileMesh> for MeshSource {
     }
 }
 
+/// Returns what was changed in a file's cells.
+fn changes(changes: &Changes) -> impl Iterator<Item = String> {
+    let &Changes { by_corners, cut, repeated, turned, split, unused_nodes } = changes;
+    let texts = [
+        (by_corners, "cells of the mesh's file are of second or higher order: only their corners are used"),
+        (cut, "cells of the mesh's file are cut into tetrahedra or triangles"),
+        (repeated, "elements of the mesh's file repeat others, and count once"),
+        (turned, "elements of the mesh's file are turned round, as the others are oriented the other way"),
+        (split, "nodes are added to the mesh, where parts of it touched that `mesh.repair` separates"),
+        (unused_nodes, "nodes of the mesh's file are omitted, as no element uses them: indices count the others"),
+    ];
+    texts.into_iter().filter(|(count, _)| *count > 0).map(|(count, text)| format!("{count} {text}"))
+}
+
 fn warnings(file: &FileMesh, fixed: &[bool]) -> Vec<String> {
     let mut warnings = Vec::new();
     let extent = file.extent();
@@ -117,12 +131,7 @@ fn warnings(file: &FileMesh, fixed: &[bool]) -> Vec<String> {
              of the file is 1 m"
         ));
     }
-    if file.unused_nodes > 0 {
-        warnings.push(format!(
-            "{} nodes of the mesh's file are omitted, as no element uses them: indices count the others",
-            file.unused_nodes
-        ));
-    }
+    warnings.extend(changes(&file.changes));
     let held = fixed.iter().filter(|&&is_fixed| is_fixed).count();
     if (1..3).contains(&held) {
         warnings.push(format!(
