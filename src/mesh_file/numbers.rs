@@ -102,7 +102,6 @@ impl<'a> Cursor<'a> {
     }
 
     /// Returns the problem that something else was read.
-    /// Returns the problem that something else was read.
     pub fn expected(&self, what: &'static str, found: &[u8]) -> Flaw {
         const SHOWN: usize = 40;
         let found = String::from_utf8_lossy(&found[..found.len().min(SHOWN)]).into_owned();
@@ -129,7 +128,6 @@ impl<'a> Cursor<'a> {
         if rest.is_empty() {
             return None;
         }
-        self.last = self.at;
         self.last = self.at;
         let length = rest.iter().position(|&byte| byte == b'\n');
         self.at += length.map_or(rest.len(), |length| length + 1);
@@ -206,13 +204,6 @@ impl<'a> Cursor<'a> {
         let found = self.bytes[self.at..].windows(mark.len()).position(|window| window == mark);
         self.at += found.ok_or_else(|| self.flaw(MeshProblem::Ended(what)))? + mark.len();
         Ok(())
-    }
-
-    /// Moves to the beginning of the data behind a keyword: binary ones begin on the next line, text goes on anywhere.
-    pub fn to_data(&mut self) {
-        if self.encoding != Encoding::Text {
-            self.line();
-        }
     }
 
     /// Moves to the beginning of the data behind a keyword: binary ones begin on the next line, text goes on anywhere.
