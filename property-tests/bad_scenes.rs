@@ -358,6 +358,7 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
     ("no spacing", "spacing = 0.0125", "", &["`mesh.spacing` is missing"]),
     ("a path of a block", "spacing = 0.0125", "path = \"x.msh\"\nspacing = 0.0125", &["`mesh.path` has no effect"]),
     ("a scaled block", "spacing = 0.0125", "scale = 1.0\nspacing = 0.0125", &["`mesh.scale` has no effect"]),
+    ("a repaired block", "spacing = 0.0125", "repair = true\nspacing = 0.0125", &["`mesh.repair` has no effect"]),
     ("layers of a block", "spacing = 0.0125", "layers = 2\nspacing = 0.0125", &["`mesh.layers` has no effect"]),
     ("an anchored block", "spacing = 0.0125", "anchor = true\nspacing = 0.0125", &["`mesh.anchor` has no effect"]),
     ("nodes of a file", "kind = \"block\"", "kind = \"file\"\npath = \"x.msh\"", &["`mesh.nodes` has no effect"]),

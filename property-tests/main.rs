@@ -20,6 +20,7 @@ mod limits;
 mod linearization;
 mod massless;
 mod mesh_files;
+mod mesh_formats;
 mod multirate;
 mod nearest;
 mod network;

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Write one small body, and its surface, in every format that is read, by the programs that people use: formats.py.
 
-Gmsh writes MSH, VTK its own formats, meshio what it writes differently. Into fixtures/meshes/formats.
+Gmsh writes MSH, VTK its own formats, STL and PLY, meshio what it writes differently. Into fixtures/meshes/formats.
 """
 
 from pathlib import Path
@@ -24,8 +24,11 @@ def by_gmsh():
     gmsh.model.occ.addBox(-20, -15, -20, 40, 30, 20)
     gmsh.model.occ.synchronize()
     gmsh.model.mesh.generate(3)
-    for version, name in ((2.2, "2.2"), (4.1, "4.1")):
+    for version, name in ((1, "1"), (2.2, "2.2"), (4, "4.0"), (4.1, "4.1")):
         for binary, encoding in ((0, "text"), (1, "bytes")):
+            # Gmsh writes 4.0 as text only.
+            if version in (1, 4) and binary:
+                continue
             gmsh.option.setNumber("Mesh.MshFileVersion", version)
             gmsh.option.setNumber("Mesh.Binary", binary)
             gmsh.write(str(OUT / f"solid-{name}-{encoding}.msh"))
@@ -71,12 +74,46 @@ def by_vtk(nodes, tetrahedra, triangles):
                     name = "text" if encoding == "text" else f"{encoding}{'-raw' * raw}-{packing}-{word}"
                     writer.SetFileName(str(OUT / f"solid-{name}.vtu"))
                     writer.Write()
+    for compressor, packing in ((vtk.vtkLZ4DataCompressor(), "lz4"), (vtk.vtkLZMADataCompressor(), "lzma")):
+        writer = vtk.vtkXMLUnstructuredGridWriter()
+        writer.SetInputData(solid)
+        writer.SetDataMode(vtk.vtkXMLWriter.Binary)
+        writer.SetCompressor(compressor)
+        writer.SetBlockSize(1024)
+        writer.SetFileName(str(OUT / f"solid-base64-{packing}-little.vtu"))
+        writer.Write()
     surface = vtk.vtkPolyData()
     surface.SetPoints(solid.GetPoints())
     lists = np.hstack([np.full((len(triangles), 1), 3), triangles]).astype(np.int64)
     polygons = vtk.vtkCellArray()
     polygons.ImportLegacyFormat(numpy_to_vtkIdTypeArray(lists.ravel(), deep=True))
     surface.SetPolys(polygons)
+    # Without nodes inside the body, as the other formats of surfaces have it.
+    cleaner = vtk.vtkCleanPolyData()
+    cleaner.SetInputData(surface)
+    cleaner.Update()
+    closed = cleaner.GetOutput()
+    writer = vtk.vtkXMLPolyDataWriter()
+    writer.SetInputData(closed)
+    writer.SetFileName(str(OUT / "closed.vtp"))
+    writer.Write()
+    stripper = vtk.vtkStripper()
+    stripper.SetInputData(closed)
+    stripper.Update()
+    writer.SetInputData(stripper.GetOutput())
+    writer.SetFileName(str(OUT / "closed-strips.vtp"))
+    writer.Write()
+    for make, ending in ((vtk.vtkSTLWriter, "stl"), (vtk.vtkPLYWriter, "ply")):
+        for kind, encoding in ((vtk.VTK_ASCII, "text"), (vtk.VTK_BINARY, "bytes")):
+            writer = make()
+            writer.SetInputData(closed)
+            writer.SetFileType(kind)
+            writer.SetFileName(str(OUT / f"closed-{encoding}.{ending}"))
+            writer.Write()
+    writer = vtk.vtkOBJWriter()
+    writer.SetInputData(closed)
+    writer.SetFileName(str(OUT / "closed.obj"))
+    writer.Write()
     for version, number in ((42, "4.2"), (51, "5.1")):
         for binary, encoding in ((False, "text"), (True, "bytes")):
             for data, name, make in ((solid, "solid", vtk.vtkUnstructuredGridWriter),

@@ -13,7 +13,7 @@ use crate::model::topology::SurfaceError;
 /// use std::path::Path;
 /// use stickslip::mesh_file::{MeshFile, MeshProblem};
 ///
-/// let error = MeshFile::parse(b"", Path::new("liver.stl"), 1 << 20).expect_err("not a format of bodies");
+/// let error = MeshFile::parse(b"", Path::new("liver.step"), 1 << 20).expect_err("not a format of meshes");
 /// assert!(matches!(error.problem(), MeshProblem::Extension));
 /// assert!(error.problem().advice().contains("meshio converts others"));
 /// ```
@@ -88,7 +88,7 @@ pub enum MeshProblem {
     /// The file cannot be read.
     #[error("cannot be read: {0}")]
     Unreadable(#[source] std::io::Error),
-    /// The file's extension is not `.msh`, `.vtk` or `.vtu`.
+    /// The file's extension is that of no format that is read.
     #[error("is not a mesh file by its extension")]
     Extension,
     /// Reading the file would take more memory than is free.
@@ -113,11 +113,21 @@ pub enum MeshProblem {
     /// A required part is missing.
     #[error("has no {0}")]
     Missing(&'static str),
+    /// The file announces a number that is not the number of what it has.
+    #[error("announces {announced} {what}, but has {found}")]
+    Count {
+        /// Content that is counted.
+        what: &'static str,
+        /// Number announced.
+        announced: u64,
+        /// Number found; where more than announced were not read, one more than announced.
+        found: u64,
+    },
     /// The file is in an unsupported variety of its format.
     #[error("is in {0}, which is not supported")]
     Variety(String),
-    /// An element is neither a tetrahedron nor a triangle, nor ignored as points and lines are.
-    #[error("element {element} is a {name}: only tetrahedra of four nodes and triangles of three are supported")]
+    /// An element is of no shape that is supported, nor ignored as points and lines are.
+    #[error("element {element} is a {name}, which is not supported")]
     Element {
         /// Index of the element.
         element: usize,
@@ -166,20 +176,6 @@ pub enum MeshProblem {
         /// Nodes of the element.
         nodes: Vec<u32>,
     },
-    /// Some tetrahedra are inverted.
-    #[error(
-        "{inverted} of {total} tetrahedra are inverted, the first of them tetrahedron {first} with nodes {nodes:?}"
-    )]
-    Inverted {
-        /// Number of inverted tetrahedra.
-        inverted: usize,
-        /// Number of all tetrahedra.
-        total: usize,
-        /// Index of the first inverted one.
-        first: usize,
-        /// Nodes of the first inverted one.
-        nodes: [u32; 4],
-    },
     /// Two tetrahedra lie on the same side of a face.
     #[error("tetrahedra {first} and {second} lie on the same side of the face with nodes {nodes:?}")]
     Overlap {
@@ -207,9 +203,35 @@ pub enum MeshProblem {
         /// Next node on the border.
         to: u32,
     },
-    /// Two parts of the surface touch at one node.
-    #[error("two parts of the surface touch only at node {0}")]
-    Pinched(u32),
+    /// Parts of the body, or of its surface, touch at an edge.
+    #[error(
+        "{faces} faces of the surface meet at the edge from node {from} at {from_position:?} m to node {to} at \
+         {to_position:?} m: parts of the body touch only there"
+    )]
+    PinchedEdge {
+        /// Number of faces at the edge.
+        faces: usize,
+        /// Node at one end.
+        from: u32,
+        /// Node at the other end.
+        to: u32,
+        /// Position of the first node, m.
+        from_position: [f64; 3],
+        /// Position of the second node, m.
+        to_position: [f64; 3],
+        /// Whether parts have been separated as far as possible, and these cannot be.
+        is_separated: bool,
+    },
+    /// Parts of the body, or of its surface, touch at a node.
+    #[error("two parts of the surface touch only at node {node} at {position:?} m")]
+    Pinched {
+        /// Node at which they touch.
+        node: u32,
+        /// Position of the node, m.
+        position: [f64; 3],
+        /// Whether the parts have been separated as far as nodes can be, and this one cannot.
+        is_separated: bool,
+    },
     /// The surface encloses nothing.
     #[error("the surface encloses no volume")]
     NoInside,
@@ -241,21 +263,23 @@ impl MeshProblem {
         match self {
             MeshProblem::Unreadable(_) => "`path` is relative to the scene file",
             MeshProblem::Extension => {
-                "give a Gmsh file (.msh, version 2.2 or 4.1) or a VTK one (.vtk legacy, .vtu); meshio converts others"
+                "give a file of Gmsh (.msh), VTK (.vtk, .vtu, .vtp), STL, OBJ or PLY; meshio converts others: `meshio convert \
+                 liver.inp liver.vtu`"
             }
             MeshProblem::TooLarge { .. } => "give a coarser mesh",
             MeshProblem::Expected { .. }
             | MeshProblem::Ended(_)
             | MeshProblem::Missing(_)
             | MeshProblem::RepeatedNumber(_)
+            | MeshProblem::Count { .. }
             | MeshProblem::UnknownNode { .. } => "the file is damaged or incomplete: write it again",
             MeshProblem::Variety(_) => {
-                "save as MSH 2.2 or 4.1 (`Mesh.MshFileVersion = 4.1` in Gmsh), as legacy VTK, or as .vtu of one piece, \
-                 uncompressed or with zlib"
+                "write it in another way: in Gmsh with `Mesh.MshFileVersion = 4.1`, from VTK formats with PyVista: \
+                 `pyvista.read(\"liver.vtk\").cast_to_unstructured_grid().save(\"liver.vtu\")`"
             }
             MeshProblem::Element { .. } => {
-                "make linear simplices: in Gmsh `Mesh.ElementOrder = 1`, no recombination and \
-                 `Mesh.SubdivisionAlgorithm = 0`; in ParaView the filters Tetrahedralize or Triangulate"
+                "divide it into triangles or tetrahedra, for instance with PyVista: \
+                 `pyvista.read(\"liver.vtu\").triangulate().save(\"simplices.vtu\")`"
             }
             MeshProblem::Empty => {
                 "mesh a volume, or a closed surface; in Gmsh, elements outside physical groups are omitted when there \
@@ -263,20 +287,35 @@ impl MeshProblem {
             }
             MeshProblem::NotFinite { .. } => "every coordinate must be finite, also times `scale`",
             MeshProblem::Coincident { .. } => {
-                "merge them: `Coherence Mesh;` in Gmsh, Clean to Grid in ParaView; unmerged parts are not joined"
+                "merge them, since unmerged parts are not joined: in PyVista `mesh.clean()`, in Gmsh `Coherence Mesh;`"
             }
-            MeshProblem::Flat { .. } => "mesh again with optimisation (`Mesh.Optimize = 1` in Gmsh), or collapse it",
-            MeshProblem::Inverted { .. } => {
-                "give all the same orientation (if every one is inverted, all are reversed); one that a deformation \
-                 has turned inside out needs a new mesh"
+            MeshProblem::Flat { kind: "triangle", .. } => {
+                "remove it and join its neighbours: in PyVista `mesh.clean()`"
             }
-            MeshProblem::Overlap { .. } => "remove the repeated or overlapping tetrahedra",
-            MeshProblem::Pieces { .. } => "give one connected body, or join the pieces where they touch",
+            MeshProblem::Flat { .. } => "mesh again with optimisation: in Gmsh `gmsh -3 -optimize`",
+            MeshProblem::Overlap { .. } => {
+                "parts of the body lie over each other, or a deformation has turned a tetrahedron inside out: remove one of \
+                 them, or mesh again"
+            }
+            MeshProblem::Pieces { .. } => {
+                "give one connected body: in PyVista `mesh.connectivity(\"largest\")` takes the largest piece"
+            }
             MeshProblem::Surface(_) => {
-                "orient the triangles consistently and let two meet at every edge, as MeshLab's repair filters do"
+                "the surface has no two sides, or lies on itself: remove the triangles that are no part of the outside"
             }
-            MeshProblem::Open { .. } => "close the holes: a body needs an inside",
-            MeshProblem::Pinched(_) => "separate the parts, or join them by more than a node",
+            MeshProblem::Open { .. } => {
+                "close the holes, since a body needs an inside: in PyVista `mesh.fill_holes(size)`, or \
+                 `mesh.clean()` if it is open where parts meet"
+            }
+            MeshProblem::PinchedEdge { is_separated: false, .. } | MeshProblem::Pinched { is_separated: false, .. } => {
+                "`mesh.repair = true` separates the parts there, and adds a node for each of them"
+            }
+            MeshProblem::PinchedEdge { .. } => {
+                "a wall inside the body ends here: remove the triangles that are no part of the outside"
+            }
+            MeshProblem::Pinched { .. } => {
+                "a hole through the body ends in this one node: remove the tetrahedra around it, or mesh again"
+            }
             MeshProblem::NoInside => "give a surface that encloses a body",
             MeshProblem::Folds { .. } => {
                 "give a smaller `mesh.layer_depth` or fewer `mesh.layers`, or a smoother surface"

@@ -1,48 +1,48 @@
-//! Meshes from files: Gmsh's MSH and VTK's formats, read into cells, checked, and made into a [`Mesh`]: a solid of
-//! tetrahedra, or a shell below a closed surface.
+//! Meshes from files: Gmsh's MSH, VTK's formats, STL, OBJ and PLY, read into cells, checked, and made into a [`Mesh`]: a solid
+//! of tetrahedra, or a shell below a closed surface.
 //!
-//! The readers are written here because the kept crates lose what a body needs: mshio 0.4 drops the numbers of nodes where
-//! they have no gaps, whatever their order, and vtkio 0.6 does not know the cells of legacy VTK 5.1 (both tried on the files
-//! in `fixtures/meshes/formats`). XML, base64 and zlib come from crates.
+//! The readers are written here because the kept crates lose what a body needs (each tried on files like those in
+//! `fixtures/meshes/formats`): mshio 0.4 drops the numbers of nodes where they have no gaps, whatever their order; vtkio 0.6 does
+//! not know the cells of legacy VTK 5.1; stl_io 0.11 reads only the first solid of a file, no keywords in upper case, and 32 bits
+//! of a coordinate; tobj 4.0 gives every group of an OBJ file nodes of its own, which opens a surface between groups; ply-rs-bw
+//! 4.0 refuses the numbers `3.` and `.5`, and values that go on on the next line. XML, base64, zlib, lz4 and lzma come from
+//! crates.
 
+mod cells;
+mod compression;
 mod error;
 mod legacy;
 mod msh;
 mod numbers;
+mod obj;
+mod pinched;
+mod ply;
 mod shell;
 mod solid;
+mod stl;
 mod surface;
 mod vtk;
-mod vtu;
+mod xml;
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+pub use cells::{Cells, Changes};
 pub use error::{MeshFileError, MeshProblem};
 pub use shell::Layers;
 
 use self::error::Flaw;
-use crate::Vec3;
 use crate::model::mesh::{Mesh, bounding_box};
 
 /// Largest memory for reading and checking, per byte of the file. Text of 10 bytes can name a tetrahedron, whose cell,
 /// edges and faces are then stored, twice while they are sorted.
 const BYTES_PER_BYTE: u64 = 32;
+/// Memory per tetrahedron or triangle for reading and checking, bytes: its nodes, faces and edges, sorted, and what joins them.
+const BYTES_PER_ELEMENT: u64 = 320;
 
 /// Nodes nearer than this in every coordinate, relative to the diagonal of the bounding box, coincide. Coordinates of
 /// 32 bits differ by 6e-8 of their size or not at all.
 const SAME_PLACE: f64 = 1e-9;
-
-/// The contents of a file that are used.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Cells {
-    /// Positions as written, in the file's unit.
-    pub nodes: Vec<Vec3>,
-    /// Nodes of each tetrahedron.
-    pub tetrahedra: Vec<[u32; 4]>,
-    /// Nodes of each triangle.
-    pub triangles: Vec<[u32; 3]>,
-}
 
 /// A checked mesh from a file.
 #[derive(Debug, Clone)]
@@ -53,8 +53,8 @@ pub struct FileMesh {
     pub node_volumes: Vec<f64>,
     /// Nodes of a shell's innermost layer; empty for a solid.
     pub innermost: Range<usize>,
-    /// Number of the file's nodes that no element uses, which are omitted.
-    pub unused_nodes: usize,
+    /// Changes made to the file's cells.
+    pub changes: Changes,
 }
 
 impl FileMesh {
@@ -102,6 +102,7 @@ impl FileMesh {
 pub struct MeshFile {
     path: PathBuf,
     cells: Cells,
+    is_repaired: bool,
 }
 
 impl MeshFile {
@@ -130,14 +131,29 @@ impl MeshFile {
         let cells = match extension.to_str() {
             Some("msh") => msh::read(bytes),
             Some("vtk") => legacy::read(bytes),
-            Some("vtu") => vtu::read(bytes, usize::try_from(budget / BYTES_PER_BYTE).unwrap_or(usize::MAX)),
+            Some("vtu") => xml::read(bytes, xml::Kind::UnstructuredGrid, budget),
+            Some("vtp") => xml::read(bytes, xml::Kind::PolyData, budget),
+            Some("stl") => stl::read(bytes),
+            Some("obj") => obj::read(bytes),
+            Some("ply") => ply::read(bytes),
             _ => Err(MeshProblem::Extension.into()),
         };
         let cells = cells.map_err(fail)?;
         if cells.tetrahedra.is_empty() && cells.triangles.is_empty() {
             return Err(fail(MeshProblem::Empty.into()));
         }
-        Ok(Self { path: path.to_owned(), cells })
+        // A hexahedron of few bytes is six tetrahedra.
+        let elements = (cells.tetrahedra.len() + cells.triangles.len()) as u64;
+        let needed = elements.saturating_mul(BYTES_PER_ELEMENT);
+        if needed > budget {
+            return Err(fail(MeshProblem::TooLarge { needed_mib: needed >> 20, budget_mib: budget >> 20 }.into()));
+        }
+        Ok(Self { path: path.to_owned(), cells, is_repaired: false })
+    }
+
+    /// Sets whether parts of a body that touch at a node or an edge are separated, instead of being refused.
+    pub fn repaired(self, is_repaired: bool) -> Self {
+        Self { is_repaired, ..self }
     }
 
     /// Returns the cells of the file.
@@ -155,10 +171,7 @@ impl MeshFile {
     /// # Errors
     /// If the tetrahedra form no body: see [`MeshProblem`].
     pub fn solid(self, scale: f64) -> Result<FileMesh, MeshFileError> {
-        let made = self.cells.scaled(scale).and_then(|cells| {
-            cells.one_body(&cells.tetrahedra)?;
-            solid::mesh(cells)
-        });
+        let made = self.cells.scaled(scale).and_then(|cells| solid::mesh(cells, self.is_repaired));
         made.map_err(|problem| MeshFileError::new(self.path, problem.into()))
     }
 
@@ -167,59 +180,8 @@ impl MeshFile {
     /// # Errors
     /// If the triangles form no closed surface, or a layer folds over.
     pub fn shell(self, scale: f64, layers: Layers) -> Result<FileMesh, MeshFileError> {
-        let made = self.cells.scaled(scale).and_then(|cells| {
-            cells.one_body(&cells.triangles)?;
-            shell::mesh(cells, &layers)
-        });
+        let made = self.cells.scaled(scale).and_then(|cells| shell::mesh(cells, &layers, self.is_repaired));
         made.map_err(|problem| MeshFileError::new(self.path, problem.into()))
-    }
-}
-
-/// Returns the problem of an array that takes more than `budget` bytes after decompression.
-fn too_large(budget: usize) -> MeshProblem {
-    let budget_mib = (budget as u64).saturating_mul(BYTES_PER_BYTE) >> 20;
-    MeshProblem::TooLarge { needed_mib: budget_mib + 1, budget_mib }
-}
-
-impl Cells {
-    fn scaled(mut self, scale: f64) -> Result<Self, MeshProblem> {
-        self.nodes.iter_mut().for_each(|node| *node *= scale);
-        match self.nodes.iter().enumerate().find(|(_, x)| !x.iter().all(|x| x.is_finite())) {
-            Some((node, position)) => Err(MeshProblem::NotFinite { node, position: (*position).into() }),
-            None => Ok(self),
-        }
-    }
-
-    /// Checks that every element's nodes exist, no two used nodes coincide, and elements are connected.
-    fn one_body<const N: usize>(&self, elements: &[[u32; N]]) -> Result<(), MeshProblem> {
-        let mut is_used = vec![false; self.nodes.len()];
-        for (element, &nodes) in elements.iter().enumerate() {
-            for node in nodes {
-                let unknown = MeshProblem::UnknownNode { element, node: u64::from(node) };
-                *is_used.get_mut(node as usize).ok_or(unknown)? = true;
-            }
-        }
-        surface::distinct(&self.nodes, &is_used)?;
-        surface::connected(&is_used, elements)
-    }
-
-    /// Removes the nodes that no element uses, and returns their number. Elements have been checked.
-    fn without_unused(mut self) -> (Self, usize) {
-        let mut new_index = vec![u32::MAX; self.nodes.len()];
-        for &node in self.tetrahedra.as_flattened().iter().chain(self.triangles.as_flattened()) {
-            new_index[node as usize] = 0;
-        }
-        let mut used = 0;
-        for index in new_index.iter_mut().filter(|index| **index == 0) {
-            *index = used;
-            used += 1;
-        }
-        let unused = self.nodes.len() - used as usize;
-        let mut index = new_index.iter();
-        self.nodes.retain(|_| index.next().is_some_and(|&index| index != u32::MAX));
-        self.tetrahedra.as_flattened_mut().iter_mut().for_each(|node| *node = new_index[*node as usize]);
-        self.triangles.as_flattened_mut().iter_mut().for_each(|node| *node = new_index[*node as usize]);
-        (self, unused)
     }
 }
 

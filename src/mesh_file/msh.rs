@@ -1,56 +1,65 @@
-//! Gmsh's MSH format, versions 2.2 and 4.1, as text and binary (Geuzaine & Remacle, Gmsh Reference Manual, chapter
-//! "Gmsh file formats"). Both versions have numbered nodes, and elements that refer to these numbers, in named
+//! Gmsh's MSH format, versions 1, 2, 4.0 and 4.1, as text and binary (Geuzaine & Remacle, Gmsh Reference Manual, chapter
+//! "Gmsh file formats"). All versions have numbered nodes, and elements that refer to these numbers, in named
 //! sections; they differ in the layout of a section.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
-use super::Cells;
+use super::cells::{Cells, Shape};
 use super::error::{Flaw, MeshProblem};
 use super::numbers::{Cursor, Encoding, Number};
 use crate::Vec3;
 
 /// Reads a whole file.
 pub fn read(bytes: &[u8]) -> Result<Cells, Flaw> {
+    const HEADER: &str = "$MeshFormat";
     let mut cursor = Cursor::new(bytes, Encoding::Text);
-    let first = cursor.full_line().unwrap_or_default();
-    if first != b"$MeshFormat" {
-        return Err(cursor.expected("$MeshFormat", first));
-    }
-    let layout = header(&mut cursor)?;
-    end_section(&mut cursor, b"MeshFormat")?;
-
+    let mut layout = None;
     let mut reader = Reader::default();
     while let Some(line) = cursor.full_line() {
         match (line, layout) {
-            (b"$Nodes", Layout::V2) => reader.nodes_2(&mut cursor)?,
-            (b"$Nodes", Layout::V4) => reader.nodes_4(&mut cursor)?,
-            (b"$Elements", Layout::V2) => reader.elements_2(&mut cursor)?,
-            (b"$Elements", Layout::V4) => reader.elements_4(&mut cursor)?,
-            // Names, geometry and data are not needed.
-            ([b'$', name @ ..], _) => cursor.skip_past(&[b"$End", name].concat(), "the end of a section")?,
-            (other, _) => return Err(cursor.expected("a section", other)),
+            (b"$MeshFormat", _) => layout = Some(header(&mut cursor)?),
+            // Version 1 has no header.
+            (b"$NOD", _) => reader.nodes_2(&mut cursor, false)?,
+            (b"$ELM", _) => reader.elements_1(&mut cursor)?,
+            (b"$Nodes", Some(Layout::V2)) => reader.nodes_2(&mut cursor, false)?,
+            (b"$ParametricNodes", Some(Layout::V2)) => reader.nodes_2(&mut cursor, true)?,
+            (b"$Nodes", Some(Layout::V40)) => reader.nodes_40(&mut cursor)?,
+            (b"$Nodes", Some(Layout::V41)) => reader.nodes_41(&mut cursor)?,
+            (b"$Elements", Some(Layout::V2)) => reader.elements_2(&mut cursor)?,
+            (b"$Elements", Some(layout)) => reader.elements_4(&mut cursor, layout)?,
+            (b"$Nodes" | b"$Elements" | b"$ParametricNodes", None) => return Err(cursor.expected(HEADER, line)),
+            // Comments, names, geometry and data are not needed.
+            ([b'$', name @ ..], _) => {
+                cursor.skip_past(&[b"$End", name].concat(), "the end of a section")?;
+                continue;
+            }
+            (other, None) => return Err(cursor.expected(HEADER, other)),
+            (other, Some(_)) => return Err(cursor.expected("a section", other)),
         }
-        if matches!(line, b"$Nodes" | b"$Elements") {
-            end_section(&mut cursor, &line[1..])?;
-        }
+        end_section(&mut cursor, &line[1..])?;
+    }
+    if layout.is_none() && reader.nodes.is_empty() {
+        return Err(cursor.expected(HEADER, b""));
     }
     reader.cells()
 }
 
 /// Layout of the sections.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Layout {
     V2,
-    V4,
+    V40,
+    V41,
 }
 
 /// Reads the version, the encoding and the size of a number; then, in binary files, a 1 that shows the byte order.
 fn header(cursor: &mut Cursor) -> Result<Layout, Flaw> {
     let version: String = cursor.word("a version")?;
-    let layout = match version.as_str() {
-        "2" | "2.1" | "2.2" => Layout::V2,
-        "4.1" => Layout::V4,
+    let layout = match version.parse::<f64>() {
+        Ok(version) if (2.0..3.0).contains(&version) => Layout::V2,
+        Ok(4.0) => Layout::V40,
+        Ok(4.1) => Layout::V41,
         _ => return Err(cursor.flaw(MeshProblem::Variety(format!("MSH {version}")))),
     };
     let is_binary = cursor.word::<u8>("0 for text or 1 for binary")? != 0;
@@ -70,16 +79,18 @@ fn header(cursor: &mut Cursor) -> Result<Layout, Flaw> {
 
 fn end_section(cursor: &mut Cursor, name: &[u8]) -> Result<(), Flaw> {
     const WHAT: &str = "the end of the section";
-    let line = cursor.full_line().ok_or_else(|| cursor.flaw(MeshProblem::Ended(WHAT)))?;
-    if line.strip_prefix(b"$End") == Some(name) { Ok(()) } else { Err(cursor.expected(WHAT, line)) }
+    let line = cursor.full_line().ok_or_else(|| cursor.ended(WHAT))?;
+    let closed = line.strip_prefix(b"$End").or_else(|| line.strip_prefix(b"$END"));
+    if closed == Some(name) { Ok(()) } else { Err(cursor.expected(WHAT, line)) }
 }
 
-/// Kind of an element.
-enum Kind {
-    /// A point or a line with this many nodes, which serves only the geometry.
-    LeftAside(u64),
-    Triangle,
-    Tetrahedron,
+/// Type of an element.
+#[derive(Debug, Clone, Copy)]
+struct Kind {
+    /// Shape; `None` for points and lines, which serve only the geometry.
+    shape: Option<Shape>,
+    /// Number of nodes.
+    nodes: u64,
 }
 
 #[derive(Default)]
@@ -87,25 +98,54 @@ struct Reader {
     nodes: Vec<Vec3>,
     /// Index of each node, by its number.
     index: HashMap<u64, u32>,
+    /// Number of elements read, whatever their shape.
     elements: usize,
-    /// Element index and node numbers of each tetrahedron.
-    tetrahedra: Vec<(usize, [u64; 4])>,
-    triangles: Vec<(usize, [u64; 3])>,
+    /// Index and shape of each element that is used, and the end of its nodes in `connectivity`.
+    used: Vec<(u32, Shape, usize)>,
+    /// Numbers of the nodes of one element after the other.
+    connectivity: Vec<u64>,
 }
 
 impl Reader {
-    fn nodes_2(&mut self, cursor: &mut Cursor) -> Result<(), Flaw> {
+    fn nodes_2(&mut self, cursor: &mut Cursor, is_parametric: bool) -> Result<(), Flaw> {
         let count: u64 = cursor.word("the number of nodes")?;
-        cursor.line();
+        cursor.to_data();
         for _ in 0..count {
             let number = cursor.index(Number::I32, "the number of a node")?;
             let position = position(cursor)?;
             self.node(cursor, number, position)?;
+            if is_parametric {
+                let dimension = cursor.index(Number::I32, "the dimension of an entity")?;
+                cursor.skip(Number::I32, 1, "the number of an entity")?;
+                // Nodes on a line have one parameter, those on a surface two.
+                let parameters = if dimension < 3 { dimension } else { 0 };
+                cursor.skip(Number::F64, parameters, "the parameters of a node")?;
+            }
         }
         Ok(())
     }
 
-    fn nodes_4(&mut self, cursor: &mut Cursor) -> Result<(), Flaw> {
+    fn nodes_40(&mut self, cursor: &mut Cursor) -> Result<(), Flaw> {
+        let blocks = cursor.index(Number::U64, "the number of blocks of nodes")?;
+        cursor.skip(Number::U64, 1, "the number of nodes")?;
+        for _ in 0..blocks {
+            cursor.skip(Number::I32, 1, "the number of an entity")?;
+            let dimension = cursor.index(Number::I32, "a dimension")?;
+            let is_parametric = cursor.index(Number::I32, "0, or 1 for parametric nodes")? != 0;
+            let count = cursor.index(Number::U64, "the number of nodes of a block")?;
+            for _ in 0..count {
+                let number = cursor.index(Number::I32, "the number of a node")?;
+                let position = position(cursor)?;
+                self.node(cursor, number, position)?;
+                if is_parametric {
+                    cursor.skip(Number::F64, dimension, "the parameters of a node")?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn nodes_41(&mut self, cursor: &mut Cursor) -> Result<(), Flaw> {
         let blocks = cursor.index(Number::U64, "the number of blocks of nodes")?;
         cursor.skip(Number::U64, 3, "the numbers of nodes")?;
         for _ in 0..blocks {
@@ -136,16 +176,35 @@ impl Reader {
         }
     }
 
+    fn elements_1(&mut self, cursor: &mut Cursor) -> Result<(), Flaw> {
+        let count: u64 = cursor.word("the number of elements")?;
+        for _ in 0..count {
+            cursor.skip(Number::I32, 1, "the number of an element")?;
+            let kind = self.kind(cursor)?;
+            cursor.skip(Number::I32, 2, "the regions of an element")?;
+            let nodes = cursor.index(Number::I32, "the number of an element's nodes")?;
+            if nodes != kind.nodes {
+                return Err(cursor.flaw(MeshProblem::Count {
+                    what: "nodes of an element",
+                    announced: nodes,
+                    found: kind.nodes,
+                }));
+            }
+            self.element(cursor, kind, Number::I32)?;
+        }
+        Ok(())
+    }
+
     fn elements_2(&mut self, cursor: &mut Cursor) -> Result<(), Flaw> {
         let count: u64 = cursor.word("the number of elements")?;
-        cursor.line();
+        cursor.to_data();
         if cursor.encoding == Encoding::Text {
             for _ in 0..count {
                 cursor.skip(Number::I32, 1, "the number of an element")?;
                 let kind = self.kind(cursor)?;
                 let tags = cursor.index(Number::I32, "the number of tags")?;
                 cursor.skip(Number::I32, tags, "a tag")?;
-                self.element(cursor, &kind, Number::I32)?;
+                self.element(cursor, kind, Number::I32)?;
             }
             return Ok(());
         }
@@ -161,69 +220,81 @@ impl Reader {
             }
             for _ in 0..following {
                 cursor.skip(Number::I32, 1 + tags, "the number and the tags of an element")?;
-                self.element(cursor, &kind, Number::I32)?;
+                self.element(cursor, kind, Number::I32)?;
             }
             left -= following;
         }
         Ok(())
     }
 
-    fn elements_4(&mut self, cursor: &mut Cursor) -> Result<(), Flaw> {
+    fn elements_4(&mut self, cursor: &mut Cursor, layout: Layout) -> Result<(), Flaw> {
         let blocks = cursor.index(Number::U64, "the number of blocks of elements")?;
-        cursor.skip(Number::U64, 3, "the numbers of elements")?;
+        let is_40 = layout == Layout::V40;
+        cursor.skip(Number::U64, if is_40 { 1 } else { 3 }, "the numbers of elements")?;
+        let number = if is_40 { Number::I32 } else { Number::U64 };
         for _ in 0..blocks {
             cursor.skip(Number::I32, 2, "the entity of a block")?;
             let kind = self.kind(cursor)?;
             let count = cursor.index(Number::U64, "the number of elements of a block")?;
             for _ in 0..count {
-                cursor.skip(Number::U64, 1, "the number of an element")?;
-                self.element(cursor, &kind, Number::U64)?;
+                cursor.skip(number, 1, "the number of an element")?;
+                self.element(cursor, kind, number)?;
             }
         }
         Ok(())
     }
 
-    /// Returns the kind of an element from the number of its type (Gmsh Reference Manual, "MSH file format").
+    /// Returns the type of an element from its number (Gmsh Reference Manual, "MSH file format").
     fn kind(&self, cursor: &mut Cursor) -> Result<Kind, Flaw> {
         let number = cursor.index(Number::I32, "the type of an element")?;
-        let name = match number {
-            15 => return Ok(Kind::LeftAside(1)),
-            1 => return Ok(Kind::LeftAside(2)),
+        let (shape, nodes) = match number {
+            15 => (None, 1),
+            1 => (None, 2),
             // Lines of second to fifth order.
-            8 => return Ok(Kind::LeftAside(3)),
-            26..=28 => return Ok(Kind::LeftAside(number - 22)),
-            2 => return Ok(Kind::Triangle),
-            4 => return Ok(Kind::Tetrahedron),
-            3 | 10 | 16 => "quadrangle",
-            5 | 12 | 17 => "hexahedron",
-            6 | 13 | 18 => "prism",
-            7 | 14 | 19 => "pyramid",
-            9 => "second-order triangle",
-            11 => "second-order tetrahedron",
-            20..=25 => "higher-order triangle",
-            29..=31 => "higher-order tetrahedron",
-            _ => "cell of unknown type",
+            8 => (None, 3),
+            26..=28 => (None, number - 22),
+            2 => (Some(Shape::Triangle), 3),
+            9 => (Some(Shape::Triangle), 6),
+            // Triangles of third to fifth order, some without nodes inside.
+            20 => (Some(Shape::Triangle), 9),
+            21 => (Some(Shape::Triangle), 10),
+            22 => (Some(Shape::Triangle), 12),
+            23 | 24 => (Some(Shape::Triangle), 15),
+            25 => (Some(Shape::Triangle), 21),
+            3 => (Some(Shape::Quadrangle), 4),
+            10 => (Some(Shape::Quadrangle), 9),
+            16 => (Some(Shape::Quadrangle), 8),
+            4 => (Some(Shape::Tetrahedron), 4),
+            11 => (Some(Shape::Tetrahedron), 10),
+            29 => (Some(Shape::Tetrahedron), 20),
+            30 => (Some(Shape::Tetrahedron), 35),
+            31 => (Some(Shape::Tetrahedron), 56),
+            5 => (Some(Shape::Hexahedron), 8),
+            12 => (Some(Shape::Hexahedron), 27),
+            17 => (Some(Shape::Hexahedron), 20),
+            6 => (Some(Shape::Wedge), 6),
+            13 => (Some(Shape::Wedge), 18),
+            18 => (Some(Shape::Wedge), 15),
+            7 => (Some(Shape::Pyramid), 5),
+            14 => (Some(Shape::Pyramid), 14),
+            19 => (Some(Shape::Pyramid), 13),
+            _ => {
+                let name = format!("cell of Gmsh's type {number}");
+                return Err(cursor.flaw(MeshProblem::Element { element: self.elements, name }));
+            }
         };
-        Err(cursor.flaw(MeshProblem::Element { element: self.elements, name: format!("{name} (Gmsh type {number})") }))
+        Ok(Kind { shape, nodes })
     }
 
-    fn element(&mut self, cursor: &mut Cursor, kind: &Kind, number: Number) -> Result<(), Flaw> {
+    fn element(&mut self, cursor: &mut Cursor, kind: Kind, number: Number) -> Result<(), Flaw> {
         const WHAT: &str = "a node of an element";
-        match kind {
-            Kind::LeftAside(nodes) => cursor.skip(number, *nodes, WHAT)?,
-            Kind::Triangle => {
-                let mut nodes = [0; 3];
-                for node in &mut nodes {
-                    *node = cursor.index(number, WHAT)?;
+        match kind.shape {
+            None => cursor.skip(number, kind.nodes, WHAT)?,
+            Some(shape) => {
+                for _ in 0..kind.nodes {
+                    self.connectivity.push(cursor.index(number, WHAT)?);
                 }
-                self.triangles.push((self.elements, nodes));
-            }
-            Kind::Tetrahedron => {
-                let mut nodes = [0; 4];
-                for node in &mut nodes {
-                    *node = cursor.index(number, WHAT)?;
-                }
-                self.tetrahedra.push((self.elements, nodes));
+                self.used.push((self.elements as u32, shape, self.connectivity.len()));
             }
         }
         self.elements += 1;
@@ -235,9 +306,19 @@ impl Reader {
         if self.nodes.is_empty() {
             return Err(MeshProblem::Missing("nodes").into());
         }
-        let tetrahedra = indexed(&self.index, &self.tetrahedra)?;
-        let triangles = indexed(&self.index, &self.triangles)?;
-        Ok(Cells { nodes: self.nodes, tetrahedra, triangles })
+        let mut cells = Cells { nodes: self.nodes, ..Cells::default() };
+        let mut start = 0;
+        let mut nodes = Vec::new();
+        for (element, shape, end) in self.used {
+            nodes.clear();
+            for node in &self.connectivity[start..end] {
+                let unknown = MeshProblem::UnknownNode { element: element as usize, node: *node };
+                nodes.push(u64::from(*self.index.get(node).ok_or(unknown)?));
+            }
+            cells.add(element as usize, shape, &nodes)?;
+            start = end;
+        }
+        Ok(cells)
     }
 }
 
@@ -247,18 +328,4 @@ fn position(cursor: &mut Cursor) -> Result<Vec3, Flaw> {
         position[axis] = cursor.real(Number::F64, "a coordinate")?;
     }
     Ok(position)
-}
-
-fn indexed<const N: usize>(
-    index: &HashMap<u64, u32>,
-    elements: &[(usize, [u64; N])],
-) -> Result<Vec<[u32; N]>, MeshProblem> {
-    let indexed = |&(element, numbers): &(usize, [u64; N])| {
-        let mut nodes = [0; N];
-        for (node, number) in nodes.iter_mut().zip(numbers) {
-            *node = *index.get(&number).ok_or(MeshProblem::UnknownNode { element, node: number })?;
-        }
-        Ok(nodes)
-    };
-    elements.iter().map(indexed).collect()
 }

@@ -70,24 +70,38 @@ impl Number {
 pub struct Cursor<'a> {
     bytes: &'a [u8],
     at: usize,
+    /// Where the word, line or number that was read last begins: the place of a problem with it.
+    last: usize,
     /// Encoding of the numbers from this position on.
     pub encoding: Encoding,
 }
 
 impl<'a> Cursor<'a> {
     pub fn new(bytes: &'a [u8], encoding: Encoding) -> Self {
-        Self { bytes, at: 0, encoding }
+        Self { bytes, at: 0, last: 0, encoding }
     }
 
-    /// Returns a problem at this position: with its line in text, with its byte offset in binary data.
+    /// Returns a problem with what was read last: at its line in text, at its byte in binary data.
     pub fn flaw(&self, problem: MeshProblem) -> Flaw {
         let place = match self.encoding {
-            Encoding::Text => Place::Line(1 + self.bytes[..self.at].iter().filter(|&&byte| byte == b'\n').count()),
-            Encoding::Little | Encoding::Big => Place::Byte(self.at),
+            Encoding::Text => Place::Line(self.line_number()),
+            Encoding::Little | Encoding::Big => Place::Byte(self.last),
         };
         Flaw { place, problem }
     }
 
+    /// Line of what was read last, counted from 1.
+    pub fn line_number(&self) -> usize {
+        1 + self.bytes[..self.last].iter().filter(|&&byte| byte == b'\n').count()
+    }
+
+    /// Returns the problem that the data end here: on the last line that has any.
+    pub fn ended(&mut self, what: &'static str) -> Flaw {
+        self.last = self.at.min(self.bytes.trim_ascii_end().len());
+        self.flaw(MeshProblem::Ended(what))
+    }
+
+    /// Returns the problem that something else was read.
     pub fn expected(&self, what: &'static str, found: &[u8]) -> Flaw {
         const SHOWN: usize = 40;
         let found = String::from_utf8_lossy(&found[..found.len().min(SHOWN)]).into_owned();
@@ -114,9 +128,36 @@ impl<'a> Cursor<'a> {
         if rest.is_empty() {
             return None;
         }
+        self.last = self.at;
         let length = rest.iter().position(|&byte| byte == b'\n');
         self.at += length.map_or(rest.len(), |length| length + 1);
         Some(rest[..length.unwrap_or(rest.len())].trim_ascii())
+    }
+
+    /// Skips the rest of this line, which counts as read with what came before it.
+    pub fn rest_of_line(&mut self) {
+        let last = self.last;
+        self.line();
+        self.last = last;
+    }
+
+    /// Returns the next word of this line, which a backslash at its end continues; `None` at its end, which is read too.
+    pub fn word_on_line(&mut self) -> Option<&'a [u8]> {
+        loop {
+            let rest = &self.bytes[self.at..];
+            let space =
+                rest.iter().position(|byte| !byte.is_ascii_whitespace() || *byte == b'\n').unwrap_or(rest.len());
+            if rest.get(space).is_none_or(|byte| *byte == b'\n') {
+                self.at += space + usize::from(space < rest.len());
+                return None;
+            }
+            match self.next_word() {
+                Some(b"\\") => {
+                    self.rest_of_line();
+                }
+                word => return word,
+            }
+        }
     }
 
     /// Returns the next line that is not blank.
@@ -135,20 +176,25 @@ impl<'a> Cursor<'a> {
         let start = rest.iter().position(|byte| !byte.is_ascii_whitespace()).unwrap_or(rest.len());
         let word = &rest[start..];
         let word = &word[..word.iter().position(u8::is_ascii_whitespace).unwrap_or(word.len())];
-        self.at += start + word.len();
+        self.last = self.at + start;
+        self.at = self.last + word.len();
         (!word.is_empty()).then_some(word)
     }
 
     /// Reads the next word as a number or a name.
     pub fn word<T: std::str::FromStr>(&mut self, what: &'static str) -> Result<T, Flaw> {
-        let word = self.next_word().ok_or_else(|| self.flaw(MeshProblem::Ended(what)))?;
+        let word = self.next_word().ok_or_else(|| self.ended(what))?;
         let value = std::str::from_utf8(word).ok().and_then(|word| word.parse().ok());
         value.ok_or_else(|| self.expected(what, word))
     }
 
     /// Reads this many bytes.
     pub fn take(&mut self, count: usize, what: &'static str) -> Result<&'a [u8], Flaw> {
-        let taken = self.bytes[self.at..].get(..count).ok_or_else(|| self.flaw(MeshProblem::Ended(what)))?;
+        let Some(taken) = self.bytes[self.at..].get(..count) else {
+            self.last = self.bytes.len();
+            return Err(self.flaw(MeshProblem::Ended(what)));
+        };
+        self.last = self.at;
         self.at += count;
         Ok(taken)
     }
@@ -158,6 +204,13 @@ impl<'a> Cursor<'a> {
         let found = self.bytes[self.at..].windows(mark.len()).position(|window| window == mark);
         self.at += found.ok_or_else(|| self.flaw(MeshProblem::Ended(what)))? + mark.len();
         Ok(())
+    }
+
+    /// Moves to the beginning of the data behind a keyword: binary ones begin on the next line, text goes on anywhere.
+    pub fn to_data(&mut self) {
+        if self.encoding != Encoding::Text {
+            self.line();
+        }
     }
 
     fn bits(&mut self, number: Number, what: &'static str) -> Result<u64, Flaw> {
@@ -201,7 +254,7 @@ impl<'a> Cursor<'a> {
         match self.encoding {
             Encoding::Text => {
                 for _ in 0..count {
-                    self.next_word().ok_or_else(|| self.flaw(MeshProblem::Ended(what)))?;
+                    self.next_word().ok_or_else(|| self.ended(what))?;
                 }
             }
             Encoding::Little | Encoding::Big => {

@@ -2,7 +2,7 @@
 //! along the inward normals at the nodes, and springs join every copy with the next.
 
 use super::error::MeshProblem;
-use super::{Cells, FileMesh, surface, unique_edges};
+use super::{Cells, FileMesh, pinched, surface, unique_edges};
 use crate::Vec3;
 use crate::model::mesh::Mesh;
 
@@ -28,12 +28,20 @@ impl Layers {
 
 /// Builds a shell. Its springs run along the edges of every layer, from every node to the one below it, and along both
 /// diagonals of the quadrangle below an edge, which resist shear.
-pub fn mesh(mut cells: Cells, layers: &Layers) -> Result<FileMesh, MeshProblem> {
+pub fn mesh(mut cells: Cells, layers: &Layers, is_repaired: bool) -> Result<FileMesh, MeshProblem> {
+    cells.changes = cells.surface_changes;
+    cells.count_once();
+    surface::distinct(&cells.nodes, &cells.triangles)?;
+    cells.changes.turned = surface::orient(&mut cells.triangles);
+    if is_repaired {
+        cells.changes.split = pinched::separate_surface(&mut cells.nodes, &mut cells.triangles);
+    }
+    surface::connected(cells.nodes.len(), &cells.triangles)?;
     // All triangles may face inwards: some programs count corners in the opposite order.
-    if surface::check(&cells.nodes, &cells.triangles)? < 0.0 {
+    if surface::check(&cells.nodes, &cells.triangles, is_repaired)? < 0.0 {
         cells.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
     }
-    let (Cells { nodes: outer, triangles, .. }, unused_nodes) = cells.without_unused();
+    let Cells { nodes: outer, triangles, changes, .. } = cells.without_unused();
     let count = outer.len();
     let mut normals = vec![Vec3::zeros(); count];
     for corners in &triangles {
@@ -70,7 +78,7 @@ pub fn mesh(mut cells: Cells, layers: &Layers) -> Result<FileMesh, MeshProblem> 
     }
     let innermost = layers.count * count..nodes.len();
     let mesh = Mesh { nodes, edges: unique_edges(pairs.into_iter()), triangles, tetrahedra: Vec::new() };
-    Ok(FileMesh { mesh, node_volumes, innermost, unused_nodes })
+    Ok(FileMesh { mesh, node_volumes, innermost, changes })
 }
 
 /// Area vector of a triangle: half the cross product of two edges, outwards, m².

@@ -1,7 +1,7 @@
 //! A body of tetrahedra: its orientation, faces and edges.
 
 use super::error::MeshProblem;
-use super::{Cells, FileMesh, surface, unique_edges};
+use super::{Cells, FileMesh, pinched, surface, unique_edges};
 use crate::Vec3;
 use crate::model::mesh::Mesh;
 
@@ -11,37 +11,45 @@ use crate::model::mesh::Mesh;
 const FLAT: f64 = 1e-9;
 
 /// A tetrahedron's faces, anticlockwise from outside if it is positively oriented.
-const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+pub const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
 /// A tetrahedron's edges.
-const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
+pub const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
 
 /// Builds a solid: edges become springs, and faces of only one tetrahedron the surface. Triangles of the file are
 /// ignored.
-pub fn mesh(mut cells: Cells) -> Result<FileMesh, MeshProblem> {
+pub fn mesh(mut cells: Cells, is_repaired: bool) -> Result<FileMesh, MeshProblem> {
     cells.triangles.clear();
-    orient(&cells.nodes, &mut cells.tetrahedra)?;
+    cells.count_once();
+    surface::distinct(&cells.nodes, &cells.tetrahedra)?;
+    cells.changes.turned = orient(&cells.nodes, &mut cells.tetrahedra)?;
     cells.triangles = boundary(&cells.tetrahedra)?;
-    surface::check(&cells.nodes, &cells.triangles)?;
-    let (Cells { nodes, tetrahedra, triangles }, unused_nodes) = cells.without_unused();
+    if is_repaired {
+        cells.changes.split = pinched::separate(&mut cells.nodes, &mut cells.tetrahedra);
+        cells.triangles = boundary(&cells.tetrahedra)?;
+    }
+    surface::connected(cells.nodes.len(), &cells.tetrahedra)?;
+    surface::check(&cells.nodes, &cells.triangles, is_repaired)?;
+    let Cells { nodes, tetrahedra, triangles, changes, .. } = cells.without_unused();
     let edges = unique_edges(tetrahedra.iter().flat_map(|t| EDGES.map(|edge| edge.map(|corner| t[corner]))));
     let mut node_volumes = vec![0.0; nodes.len()];
     for corners in &tetrahedra {
         let quarter = six_volumes(&nodes, corners) / 24.0;
         corners.iter().for_each(|&node| node_volumes[node as usize] += quarter);
     }
-    Ok(FileMesh { mesh: Mesh { nodes, edges, triangles, tetrahedra }, node_volumes, innermost: 0..0, unused_nodes })
+    Ok(FileMesh { mesh: Mesh { nodes, edges, triangles, tetrahedra }, node_volumes, innermost: 0..0, changes })
 }
 
 /// Six times the volume: positive if the fourth corner lies where the first three turn anticlockwise away from it.
-fn six_volumes(nodes: &[Vec3], corners: &[u32; 4]) -> f64 {
+pub fn six_volumes(nodes: &[Vec3], corners: &[u32; 4]) -> f64 {
     let [a, b, c, d] = corners.map(|node| nodes[node as usize]);
     (b - a).cross(&(c - a)).dot(&(d - a))
 }
 
-/// Reverses all tetrahedra if every one is inverted: some programs count corners in the opposite order.
-fn orient(nodes: &[Vec3], tetrahedra: &mut [[u32; 4]]) -> Result<(), MeshProblem> {
-    let (mut inverted, mut first) = (0, None);
-    for (element, corners) in tetrahedra.iter().enumerate() {
+/// Turns inverted tetrahedra round, since programs count corners in either order, some of them in one mesh. Returns their
+/// number; zero if every one is inverted, as by a program with the opposite order.
+fn orient(nodes: &[Vec3], tetrahedra: &mut [[u32; 4]]) -> Result<usize, MeshProblem> {
+    let mut turned = 0;
+    for (element, corners) in tetrahedra.iter_mut().enumerate() {
         let longest = EDGES
             .map(|[i, j]| (nodes[corners[i] as usize] - nodes[corners[j] as usize]).norm())
             .into_iter()
@@ -51,18 +59,11 @@ fn orient(nodes: &[Vec3], tetrahedra: &mut [[u32; 4]]) -> Result<(), MeshProblem
             return Err(MeshProblem::Flat { kind: "tetrahedron", element, nodes: corners.to_vec() });
         }
         if volumes < 0.0 {
-            inverted += 1;
-            first.get_or_insert((element, *corners));
+            corners.swap(2, 3);
+            turned += 1;
         }
     }
-    match first {
-        Some((first, nodes)) if inverted < tetrahedra.len() => {
-            return Err(MeshProblem::Inverted { inverted, total: tetrahedra.len(), first, nodes });
-        }
-        Some(_) => tetrahedra.iter_mut().for_each(|corners| corners.swap(2, 3)),
-        None => {}
-    }
-    Ok(())
+    Ok(if turned < tetrahedra.len() { turned } else { 0 })
 }
 
 /// Returns the faces of only one tetrahedron, in their order. Two tetrahedra that share a face must lie on opposite

@@ -14,9 +14,10 @@ const FLAT: f64 = 1e-9;
 /// Ratio of the enclosed volume to the cube of the diagonal, below which there is no inside: rounding leaves 1e-16.
 const NO_VOLUME: f64 = 1e-12;
 
-/// Checks that no two of the used nodes lie at the same place.
-pub fn distinct(nodes: &[Vec3], is_used: &[bool]) -> Result<(), MeshProblem> {
-    let used = || nodes.iter().enumerate().zip(is_used).filter(|&(_, &is_used)| is_used).map(|(node, _)| node);
+/// Checks that no two nodes of the elements lie at the same place.
+pub fn distinct<const N: usize>(nodes: &[Vec3], elements: &[[u32; N]]) -> Result<(), MeshProblem> {
+    let is_used = used(nodes.len(), elements);
+    let used = || nodes.iter().enumerate().zip(&is_used).filter(|&(_, &is_used)| is_used).map(|(node, _)| node);
     let (lowest, extents) = bounding_box(used().map(|(_, x)| *x));
     let tolerance = SAME_PLACE * extents.norm();
     // First node of each cell of a grid: nodes that coincide lie in one cell, or in two adjacent ones at most a
@@ -37,26 +38,47 @@ pub fn distinct(nodes: &[Vec3], is_used: &[bool]) -> Result<(), MeshProblem> {
     Ok(())
 }
 
-/// Checks that elements connect all used nodes.
-pub fn connected<const N: usize>(is_used: &[bool], elements: &[[u32; N]]) -> Result<(), MeshProblem> {
-    // Every node points to one of its piece, and finally all to the same.
-    let mut piece: Vec<u32> = (0..is_used.len() as u32).collect();
-    fn find(piece: &mut [u32], mut node: u32) -> u32 {
-        while piece[node as usize] != node {
-            piece[node as usize] = piece[piece[node as usize] as usize];
-            node = piece[node as usize];
-        }
-        node
+/// Returns for each node whether an element uses it.
+fn used<const N: usize>(nodes: usize, elements: &[[u32; N]]) -> Vec<bool> {
+    let mut is_used = vec![false; nodes];
+    elements.as_flattened().iter().for_each(|&node| is_used[node as usize] = true);
+    is_used
+}
+
+/// Groups of items that are joined one by one.
+pub struct Groups(Vec<u32>);
+
+impl Groups {
+    /// Every item alone.
+    pub fn new(items: usize) -> Self {
+        Self((0..items as u32).collect())
     }
-    for element in elements {
-        for pair in element.windows(2) {
-            let (one, other) = (find(&mut piece, pair[0]), find(&mut piece, pair[1]));
-            piece[one.max(other) as usize] = one.min(other);
+
+    /// Returns the item that stands for a group: the lowest of it.
+    pub fn of(&mut self, mut item: u32) -> u32 {
+        while self.0[item as usize] != item {
+            self.0[item as usize] = self.0[self.0[item as usize] as usize];
+            item = self.0[item as usize];
         }
+        item
+    }
+
+    /// Makes one group of two.
+    pub fn join(&mut self, one: u32, other: u32) {
+        let (one, other) = (self.of(one), self.of(other));
+        self.0[one.max(other) as usize] = one.min(other);
+    }
+}
+
+/// Checks that elements connect all nodes that they use.
+pub fn connected<const N: usize>(nodes: usize, elements: &[[u32; N]]) -> Result<(), MeshProblem> {
+    let mut pieces = Groups::new(nodes);
+    for element in elements {
+        element.windows(2).for_each(|pair| pieces.join(pair[0], pair[1]));
     }
     let mut sizes: HashMap<u32, usize> = HashMap::new();
-    for node in (0..is_used.len() as u32).filter(|&node| is_used[node as usize]) {
-        *sizes.entry(find(&mut piece, node)).or_default() += 1;
+    for (node, _) in (0..).zip(used(nodes, elements)).filter(|&(_, is_used)| is_used) {
+        *sizes.entry(pieces.of(node)).or_default() += 1;
     }
     if sizes.len() <= 1 {
         return Ok(());
@@ -66,9 +88,56 @@ pub fn connected<const N: usize>(is_used: &[bool], elements: &[[u32; N]]) -> Res
     Err(MeshProblem::Pieces { sizes })
 }
 
+/// Turns triangles round so that neighbours are oriented alike, the fewer ones of each part. Returns their number. A surface with
+/// only one side keeps a contradiction.
+pub fn orient(triangles: &mut [[u32; 3]]) -> usize {
+    // Entries: the edge's nodes ascending, the triangle, and whether it runs from the lower to the higher.
+    let mut edges: Vec<([u32; 2], u32, bool)> = Vec::with_capacity(3 * triangles.len());
+    for (triangle, &[a, b, c]) in (0..).zip(triangles.iter()) {
+        edges.extend([[a, b], [b, c], [c, a]].map(|[i, j]| ([i.min(j), i.max(j)], triangle, i < j)));
+    }
+    edges.sort_unstable();
+    // For both triangles at an edge: the triangle, the other one, and whether one of the two is turned.
+    let mut neighbors: Vec<(u32, u32, bool)> = Vec::with_capacity(edges.len());
+    for pair in edges.chunk_by(|a, b| a.0 == b.0) {
+        if let &[(_, one, runs_up), (_, other, too)] = pair {
+            neighbors.extend([(one, other, runs_up == too), (other, one, runs_up == too)]);
+        }
+    }
+    neighbors.sort_unstable();
+    let mut is_turned: Vec<Option<bool>> = vec![None; triangles.len()];
+    let mut turned = 0;
+    for start in 0..triangles.len() as u32 {
+        if is_turned[start as usize].is_some() {
+            continue;
+        }
+        is_turned[start as usize] = Some(false);
+        let mut part = vec![start];
+        let mut at = 0;
+        while let Some(&triangle) = part.get(at) {
+            at += 1;
+            let first = neighbors.partition_point(|entry| entry.0 < triangle);
+            for &(_, other, differs) in neighbors[first..].iter().take_while(|entry| entry.0 == triangle) {
+                if is_turned[other as usize].is_none() {
+                    is_turned[other as usize] = is_turned[triangle as usize].map(|turned| turned != differs);
+                    part.push(other);
+                }
+            }
+        }
+        let mut minority: Vec<u32> = part.iter().copied().filter(|&t| is_turned[t as usize] == Some(true)).collect();
+        if 2 * minority.len() > part.len() {
+            minority = part.into_iter().filter(|&t| is_turned[t as usize] == Some(false)).collect();
+        }
+        turned += minority.len();
+        minority.iter().for_each(|&triangle| triangles[triangle as usize].swap(1, 2));
+    }
+    turned
+}
+
 /// Checks that triangles are not flat, form a closed oriented manifold, and enclose a volume. Returns that volume,
-/// negative if they face inwards.
-pub fn check(nodes: &[Vec3], triangles: &[[u32; 3]]) -> Result<f64, MeshProblem> {
+/// negative if they face inwards. `is_separated`: parts that touch have been separated before.
+pub fn check(nodes: &[Vec3], triangles: &[[u32; 3]], is_separated: bool) -> Result<f64, MeshProblem> {
+    let position = |node: u32| nodes[node as usize].into();
     for (element, corners) in triangles.iter().enumerate() {
         let [a, b, c] = corners.map(|node| nodes[node as usize]);
         let longest = (b - a).norm().max((c - b).norm()).max((a - c).norm());
@@ -76,17 +145,23 @@ pub fn check(nodes: &[Vec3], triangles: &[[u32; 3]]) -> Result<f64, MeshProblem>
             return Err(MeshProblem::Flat { kind: "triangle", element, nodes: corners.to_vec() });
         }
     }
-    let mesh = Mesh { triangles: triangles.to_vec(), ..Mesh::default() };
-    let surface = Surface::new(&mesh)?;
-    for (triangle, neighbors) in surface.neighbors.iter().enumerate() {
-        if let Some(opposite) = neighbors.iter().position(Option::is_none) {
-            let corners = triangles[triangle];
-            return Err(MeshProblem::Open { from: corners[(opposite + 1) % 3], to: corners[(opposite + 2) % 3] });
+    let ends = |&[a, b, c]: &[u32; 3]| [[a, b], [b, c], [c, a]].map(|[i, j]: [u32; 2]| [i.min(j), i.max(j)]);
+    let mut edges: Vec<[u32; 2]> = triangles.iter().flat_map(ends).collect();
+    edges.sort_unstable();
+    for edge in edges.chunk_by(|a, b| a == b) {
+        let ([from, to], faces) = (edge[0], edge.len());
+        let (from_position, to_position) = (position(from), position(to));
+        match faces {
+            1 => return Err(MeshProblem::Open { from, to }),
+            2 => {}
+            _ => return Err(MeshProblem::PinchedEdge { faces, from, to, from_position, to_position, is_separated }),
         }
     }
+    let mesh = Mesh { triangles: triangles.to_vec(), ..Mesh::default() };
+    let surface = Surface::new(&mesh)?;
     for (vertex, &node) in surface.vertex_node.iter().enumerate() {
         if around(&surface, vertex as u32) != surface.incident(vertex as u32).len() {
-            return Err(MeshProblem::Pinched(node));
+            return Err(MeshProblem::Pinched { node, position: position(node), is_separated });
         }
     }
     let used = || triangles.as_flattened().iter().map(|&node| nodes[node as usize]);

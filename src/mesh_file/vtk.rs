@@ -1,7 +1,7 @@
-//! The cells common to both VTK formats: one list of nodes with the end of each cell (the VTK file formats,
+//! The cells common to VTK's formats: one list of nodes with the end of each cell (the VTK file formats,
 //! <https://docs.vtk.org/en/latest/design_documents/VTKFileFormats.html>).
 
-use super::Cells;
+use super::cells::{Cells, Shape};
 use super::error::{Flaw, MeshProblem};
 use crate::Vec3;
 
@@ -18,70 +18,72 @@ pub struct CellList {
 
 const VERTEX: u64 = 1;
 const LINE: u64 = 3;
-const TRIANGLE: u64 = 5;
+/// Strip of triangles.
+pub const STRIP: u64 = 6;
 /// Polygon of any number of corners.
 pub const POLYGON: u64 = 7;
-const TETRAHEDRON: u64 = 10;
 
 impl CellList {
-    /// Returns the tetrahedra and triangles among the cells.
-    pub fn cells(&self, nodes: Vec<Vec3>) -> Result<Cells, Flaw> {
-        if nodes.is_empty() {
-            return Err(MeshProblem::Missing("points").into());
-        }
+    /// Adds these cells, whose nodes are counted from the `first` on.
+    pub fn add_to(&self, cells: &mut Cells, first: u64) -> Result<(), Flaw> {
         if self.types.len() != self.ends.len() {
-            return Err(MeshProblem::Missing("type for every cell").into());
+            let (announced, found) = (self.ends.len() as u64, self.types.len() as u64);
+            return Err(MeshProblem::Count { what: "types of cells", announced, found }.into());
         }
-        let mut cells = Cells { nodes, ..Cells::default() };
         let mut start = 0;
+        let mut nodes = Vec::new();
         for (element, (&end, &kind)) in self.ends.iter().zip(&self.types).enumerate() {
             let range = usize::try_from(end).ok().and_then(|end| self.connectivity.get(start..end));
             let corners = range.ok_or(MeshProblem::Missing("nodes for every cell"))?;
             start += corners.len();
-            match (kind, corners.len()) {
-                (TETRAHEDRON, _) => cells.tetrahedra.push(cells.corners(element, corners)?),
-                (TRIANGLE, _) | (POLYGON, 3) => cells.triangles.push(cells.corners(element, corners)?),
-                // Ignored cells: empty ones, points, and straight and curved lines.
-                (VERTEX, 1) | (LINE, 2) | (0 | 2 | 4 | 21 | 35 | 68, _) => {}
-                _ => return Err(MeshProblem::Element { element, name: name(kind) }.into()),
+            nodes.clear();
+            nodes.extend(corners.iter().map(|node| node.saturating_add(first)));
+            match shape(kind, corners.len()) {
+                Ok(Some(shape)) => cells.add(element, shape, &nodes)?,
+                Ok(None) => {}
+                Err(name) => return Err(MeshProblem::Element { element, name }.into()),
             }
         }
+        Ok(())
+    }
+
+    /// Returns the cells with their nodes.
+    pub fn cells(&self, nodes: Vec<Vec3>) -> Result<Cells, Flaw> {
+        if nodes.is_empty() {
+            return Err(MeshProblem::Missing("points").into());
+        }
+        let mut cells = Cells { nodes, ..Cells::default() };
+        self.add_to(&mut cells, 0)?;
         Ok(cells)
     }
 }
 
-impl Cells {
-    fn corners<const N: usize>(&self, element: usize, corners: &[u64]) -> Result<[u32; N], MeshProblem> {
-        let corners: [u64; N] = corners.try_into().map_err(|_| MeshProblem::Element {
-            element,
-            name: format!("cell with {} corners and the type of a cell with {N}", corners.len()),
-        })?;
-        let mut nodes = [0; N];
-        for (node, corner) in nodes.iter_mut().zip(corners) {
-            let known = u32::try_from(corner).ok().filter(|&known| (known as usize) < self.nodes.len());
-            *node = known.ok_or(MeshProblem::UnknownNode { element, node: corner })?;
+/// Returns the shape of a VTK cell type (`vtkCellType.h`), or the type's name; `None` for what is ignored: empty cells, points,
+/// and straight and curved lines.
+fn shape(kind: u64, nodes: usize) -> Result<Option<Shape>, String> {
+    Ok(Some(match kind {
+        0 | VERTEX | 2 | LINE | 4 | 21 | 35 | 68 | 75 => return Ok(None),
+        // Linear; of second order with their variants; of any order, by Lagrange and by Bézier.
+        5 | 22 | 34 | 69 | 76 => Shape::Triangle,
+        9 | 23 | 28 | 30 | 70 | 77 => Shape::Quadrangle,
+        10 | 24 | 71 | 78 => Shape::Tetrahedron,
+        12 | 25 | 29 | 33 | 72 | 79 => Shape::Hexahedron,
+        13 | 26 | 31 | 32 | 73 | 80 => Shape::Wedge,
+        14 | 27 | 37 | 74 | 81 => Shape::Pyramid,
+        STRIP => Shape::Strip,
+        POLYGON => Shape::Polygon,
+        8 => Shape::Pixel,
+        11 => Shape::Voxel,
+        _ => {
+            let name = match kind {
+                15 => "pentagonal prism",
+                16 => "hexagonal prism",
+                36 => "second-order polygon",
+                41 => "convex set of points",
+                42 => "polyhedron",
+                _ => "cell of unknown type",
+            };
+            return Err(format!("{name} of {nodes} nodes (VTK type {kind})"));
         }
-        Ok(nodes)
-    }
-}
-
-/// Returns the name of a VTK cell type (`vtkCellType.h`).
-fn name(kind: u64) -> String {
-    let name = match kind {
-        VERTEX => "vertex of several nodes",
-        LINE => "line without exactly two nodes",
-        6 => "triangle strip",
-        POLYGON => "polygon",
-        8 | 9 => "quadrangle",
-        11 | 12 => "hexahedron",
-        13 => "wedge",
-        14 => "pyramid",
-        22 => "second-order triangle",
-        24 => "second-order tetrahedron",
-        69 => "higher-order triangle",
-        71 => "higher-order tetrahedron",
-        42 => "polyhedron",
-        _ => "cell of unknown type",
-    };
-    format!("{name} (VTK type {kind})")
+    }))
 }

@@ -53,6 +53,7 @@ pub struct MeshTable {
     pub layers: Option<u32>,
     pub layer_depth: Option<f64>,
     pub anchor: Option<bool>,
+    pub repair: Option<bool>,
     pub fixed: Option<Fixed>,
 }
 

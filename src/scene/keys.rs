@@ -55,7 +55,7 @@ const KEYS: &[(&str, Accepts)] = &[
     (
         "mesh.path",
         Text(
-            "a Gmsh file (.msh, version 2.2 or 4.1) or a VTK one (.vtk legacy, .vtu), relative to the scene; only with `kind = \"file\"`",
+            "a file of Gmsh (.msh), VTK (.vtk legacy, .vtu, .vtp), STL, OBJ or PLY, relative to the scene; only with `kind = \"file\"`",
         ),
     ),
     (
@@ -79,6 +79,12 @@ const KEYS: &[(&str, Accepts)] = &[
     (
         "mesh.anchor",
         Text("true (default) or false: the innermost layer is fixed; only with a file that has triangles alone"),
+    ),
+    (
+        "mesh.repair",
+        Text(
+            "true or false (default): parts of the body that touch only at a node or an edge are separated there, instead of refused; only with `kind = \"file\"`",
+        ),
     ),
     (
         "mesh.fixed",

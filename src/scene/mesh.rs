@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::Warning;
-use crate::mesh_file::FileMesh;
+use crate::mesh_file::{Changes, FileMesh};
 use crate::model::material::Bulk;
 use crate::model::mesh::{Block, Mesh};
 
@@ -109,6 +109,33 @@ impl From<FileMesh> for MeshSource {
     }
 }
 
+/// Returns what was changed in a file's cells.
+fn changes(changes: &Changes) -> impl Iterator<Item = Warning> {
+    let &Changes { by_corners, cut, repeated, turned, split, unused_nodes } = changes;
+    let texts = [
+        (
+            "mesh-corners",
+            by_corners,
+            "cells of the mesh's file are of second or higher order: only their corners are used",
+        ),
+        ("mesh-cut", cut, "cells of the mesh's file are cut into tetrahedra or triangles"),
+        ("mesh-repeated", repeated, "elements of the mesh's file repeat others, and count once"),
+        (
+            "mesh-turned",
+            turned,
+            "elements of the mesh's file are turned round, as the others are oriented the other way",
+        ),
+        ("mesh-split", split, "nodes are added to the mesh, where parts of it touched that `mesh.repair` separates"),
+        (
+            "mesh-unused-nodes",
+            unused_nodes,
+            "nodes of the mesh's file are omitted, as no element uses them: indices count the others",
+        ),
+    ];
+    let found = texts.into_iter().filter(|(_, count, _)| *count > 0);
+    found.map(|(code, count, text)| Warning::new(code, format!("{count} {text}")))
+}
+
 fn warnings(file: &FileMesh, fixed: &[bool]) -> Vec<Warning> {
     let mut warnings = Vec::new();
     let extent = file.extent();
@@ -118,15 +145,7 @@ fn warnings(file: &FileMesh, fixed: &[bool]) -> Vec<Warning> {
              of the file is 1 m"
         )));
     }
-    if file.unused_nodes > 0 {
-        warnings.push(Warning::new(
-            "mesh-unused-nodes",
-            format!(
-                "{} nodes of the mesh's file are omitted, as no element uses them: indices count the others",
-                file.unused_nodes
-            ),
-        ));
-    }
+    warnings.extend(changes(&file.changes));
     let held = fixed.iter().filter(|&&is_fixed| is_fixed).count();
     if (1..3).contains(&held) {
         warnings.push(Warning::new("mesh-pivot", format!(

@@ -42,6 +42,7 @@ fn given_block(table: &MeshTable) -> Read<Block> {
     let because = "`mesh.kind = \"block\"`";
     no_effect("mesh.path", table.path.is_some(), because)?;
     no_effect("mesh.scale", table.scale.is_some(), because)?;
+    no_effect("mesh.repair", table.repair.is_some(), because)?;
     no_layers(table, because)?;
     let given = Block {
         nodes: table.nodes.ok_or(Problem::Missing("mesh.nodes"))?,
@@ -65,6 +66,7 @@ fn mesh_file(table: &MeshTable, folder: &Path, run: Run) -> Read<FileMesh> {
     let path = table.path.as_ref().ok_or(Problem::Missing("mesh.path"))?;
     let scale = positive("mesh.scale", table.scale.unwrap_or(1.0))?;
     let file = MeshFile::read(&folder.join(path), available_memory()).map_err(Problem::MeshFile)?;
+    let file = file.repaired(table.repair.unwrap_or(false));
     if !file.is_surface() {
         no_layers(table, "a mesh of tetrahedra")?;
         return file.solid(scale).map_err(Problem::MeshFile);
