@@ -72,7 +72,6 @@ pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
     let frames = frames.map(VtkWriter::finish).transpose()?;
     let outcome = match (finished.summary.completed, finished.summary.passes()) {
         (false, _) => "fault",
-        (true, false) if finished.summary.patch_folded > 0 => "folded",
         (true, false) => "tunnelled",
         (true, true) => "completed",
     };
@@ -84,12 +83,6 @@ pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
     }
     if let Some(counts) = &finished.summary.condensation {
         say(counts)?;
-    }
-    if finished.summary.patch_folded > 0 {
-        eprintln!(
-            "The patch folded over the tip: in {} ticks it was inside the surface and felt no force; {FOLDED_ADVICE}",
-            finished.summary.patch_folded
-        );
     }
     let energy = &finished.summary.energy;
     if finished.fault.is_none() && !energy.is_plausible() {
@@ -104,6 +97,9 @@ pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
         let is_frozen = scene.local().linearization == Linearization::Tangent(TangentKind::Exact);
         if matches!(fault.cause, FaultCause::Runaway { .. }) && is_frozen {
             eprintln!("{RUNAWAY_ADVICE}");
+        }
+        if matches!(fault.cause, FaultCause::PatchFolded { .. }) {
+            eprintln!("{FOLDED_ADVICE}");
         }
     }
     Ok(if finished.summary.passes() && is_same { PASS } else { FAIL })

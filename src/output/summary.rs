@@ -33,9 +33,9 @@ pub struct Sample {
 }
 
 impl Summary {
-    /// Returns whether the run passes: it reached its duration, the tip never tunnelled, and the patch never folded.
+    /// Returns whether the run passes: it reached its duration, and the tip never tunnelled.
     pub fn passes(&self) -> bool {
-        self.completed && self.tunnelling_ticks == 0 && self.patch_folded == 0
+        self.completed && self.tunnelling_ticks == 0
     }
 }
 
@@ -240,8 +240,6 @@ pub struct Summary {
     /// Ticks with the tip inside the surface, no force and no contact kept, as [`ContactMeasures`] defines them; 0 in a
     /// run that passes.
     pub tunnelling_ticks: u64,
-    /// Ticks in which the patch had folded over the tip, as [`ContactMeasures`] defines them; 0 in a run that passes.
-    pub patch_folded: u64,
     /// Ticks in which the law had no solution for the contact's response and sliding was solved instead.
     pub fallback_ticks: u64,
     /// Largest commanded force, N.
@@ -362,7 +360,6 @@ impl Recorder {
             tension_ticks: self.tension_ticks,
             patch_exits: self.patch_exits,
             tunnelling_ticks: contact.tunnelling_ticks(),
-            patch_folded: contact.patch_folded_ticks(),
             fallback_ticks: self.fallback_ticks,
             largest_force_n: largest(|sample| sample.force.norm()),
             largest_normal_force_n: largest(|sample| sample.normal_force),

@@ -79,9 +79,6 @@ impl Reported {
         let summary = &self.run.summary;
         match &summary.fault {
             Some(fault) => format!("{}: {fault}", self.outcome()),
-            None if summary.patch_folded > 0 => {
-                format!("the patch folded over the tip in {} ticks", summary.patch_folded)
-            }
             None if summary.tunnelling_ticks > 0 => {
                 format!("the tip passed through the surface in {} ticks", summary.tunnelling_ticks)
             }
