@@ -133,6 +133,44 @@ fn a_fault_ends_with_code_1_and_keeps_the_rows_before_it() {
     assert_eq!(rows, 884);
 }
 
+/// A deep drag over a small block, whose patch folds: the advice comes with the fault.
+#[test]
+fn a_folded_patch_ends_with_code_1_and_a_way_out() {
+    let folder = Folder::new("folded");
+    let scene = GOOD
+        .replace("duration = 1.2", "duration = 0.4")
+        .replace("nodes = [9, 9, 4]", "nodes = [5, 5, 3]")
+        .replace("friction = 1.0", "friction = 0.5")
+        .replace("[0.0, -0.03, 0.0013, 0.002]", "[0.0, -0.012, 0.0013, 0.001]")
+        .replace("[0.2, -0.03, 0.0013, -0.003]", "[0.1, -0.012, 0.0013, -0.008]")
+        .replace("[1.2, 0.02, 0.0013, -0.003]", "[0.4, 0.02, 0.0013, -0.008]");
+    let output = run(&folder.write("folded.toml", &scene), &folder.path("out"));
+    assert_eq!(output.status.code(), Some(1));
+    let message = stderr(&output);
+    assert!(message.contains("the patch folded over the tip") && message.contains("contact.adhesion"), "{message}");
+    let summary = fs::read_to_string(folder.path("out/summary.json")).expect("a summary");
+    assert!(summary.contains("\"patch_folded\": 1,"), "{summary}");
+}
+
+/// Under the velocity scheme at 10 kHz the mass under the tip answers an encoder count within a tick; under the massless
+/// scheme it does not.
+#[test]
+fn a_count_that_commands_a_tenth_of_a_newton_is_warned_of() {
+    let folder = Folder::new("count");
+    for (scheme, is_warned_of) in [("velocity", true), ("massless", false)] {
+        let scene = GOOD
+            .replace("duration = 1.2", "duration = 0.1")
+            .replace("rate = 1000.0", "rate = 10000.0")
+            .replace("scheme = \"geometric\"", &format!("scheme = \"{scheme}\""))
+            .replace("deformation = \"rigid\"\nmetric = \"euclidean\"\n", "")
+            .replace("kind = \"path\"", "kind = \"phantom-1.5\"");
+        let output = run(&folder.write("count.toml", &scene), &folder.path("out"));
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let message = stderr(&output);
+        assert_eq!(message.contains("Warning: one encoder count commands"), is_warned_of, "{message}");
+    }
+}
+
 #[test]
 fn a_run_that_makes_energy_fails() {
     let folder = Folder::new("shaken");

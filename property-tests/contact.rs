@@ -14,6 +14,7 @@ use stickslip::model::network::{Material, Network};
 use stickslip::model::state::State;
 use stickslip::model::topology::Surface;
 use stickslip::multirate::failsafe::FaultCause;
+use stickslip::output::summary::Recorder;
 use stickslip::pipeline;
 use stickslip::scene::{Expectation, SHIPPED, Scene};
 use stickslip::surface::geometry::{ContactPoint, ContactSurface, SurfaceModel};
@@ -244,6 +245,49 @@ fn a_hand_over_does_not_swallow_a_free_tip() {
     assert!(run.fault.is_none());
     assert_eq!(run.tunnelling_ticks, 0);
     assert!(run.normal_force[150] > 0.0, "the risen surface is felt");
+}
+
+/// Around a square the geometric scheme over facets pushes the tip along by friction, and the summary counts it.
+#[test]
+fn friction_that_pushes_the_tip_along_is_counted() {
+    let contact = |scheme| format!("law = \"stick-slip\"\nfriction = 0.3\nscheme = \"{scheme}\"");
+    let square = "[[0.0, 0.008, 0.0013, 0.001], [0.1, 0.008, 0.0013, -0.002], [0.3, 0.0, 0.0093, -0.002],
+                   [0.5, -0.008, 0.0013, -0.002], [0.7, 0.0, -0.0067, -0.002], [0.9, 0.008, 0.0013, -0.002]]";
+    let summary = |scheme| {
+        let scene = small_scene(&contact(scheme), "", square).with_duration_s(0.9).expect("whole ticks");
+        let mut recorder = Recorder::default();
+        pipeline::run(&scene, |tick| recorder.record(tick)).expect("it completes");
+        recorder.summary(&scene, None, 0.1)
+    };
+    let geometric = summary("geometric");
+    assert!(geometric.fault.is_none() && geometric.friction_assist_ticks > 50, "{}", geometric.friction_assist_ticks);
+    assert!(geometric.friction_assist_j > 1e-4, "{} J", geometric.friction_assist_j);
+    let massless = summary("massless");
+    assert_eq!((massless.friction_assist_ticks, massless.friction_assist_j), (0, 0.0));
+}
+
+/// Drags a deep press over a small block from `x`, m, so that its patch folds under the tip.
+fn folding(x: f64) -> Scene {
+    let contact = "law = \"stick-slip\"\nfriction = 0.5";
+    let drag = format!("[[0.0, {x}, 0.0013, 0.001], [0.1, {x}, 0.0013, -0.008], [0.4, 0.02, 0.0013, -0.008]]");
+    small_scene(contact, "", &drag)
+}
+
+/// A surface that intersects itself lets the tip in without a collision: the contact is taken up again.
+#[test]
+fn a_tip_let_in_by_a_fold_is_in_contact_again() {
+    let run = run(&folding(-0.02));
+    assert!(run.fault.is_none(), "{:?}", run.fault);
+    assert_eq!(run.tunnelling_ticks, 0);
+}
+
+/// A patch that folds over the tip pulls at it where it should push, tick after tick: that is a fault with a name.
+#[test]
+fn a_patch_that_folds_over_the_tip_is_a_named_fault() {
+    let fault = run(&folding(-0.012)).fault.expect("it folds");
+    let FaultCause::PatchFolded { depth_m, limit_m } = fault.cause else { panic!("{fault}") };
+    assert!(depth_m > limit_m && limit_m > 1e-3, "{fault}");
+    assert!(fault.to_string().contains("the patch folded over the tip"), "{fault}");
 }
 
 /// On random paths in, over and out of the surface, at speeds up to metres per second, the tip is never

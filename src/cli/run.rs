@@ -10,7 +10,7 @@ use super::terminal::{hand_out, say};
 use super::{FAIL, INCONCLUSIVE, PASS, folder, read, table, warn};
 use crate::local::model::Linearization;
 use crate::model::springs::TangentKind;
-use crate::multirate::failsafe::{Fault, FaultCause};
+use crate::multirate::failsafe::FaultCause;
 use crate::output::files::{FinishedRun, write_run};
 use crate::output::time_steps::TimeSteps;
 use crate::output::verdict::Verdict;
@@ -21,6 +21,9 @@ use crate::scene::{Scene, Schedule, Warning};
 
 /// Default ticks per frame: 50 frames per second at 1 kHz.
 const FRAME_TICKS: &str = "20";
+
+/// Advice for a run whose patch folded.
+const FOLDED_ADVICE: &str = "give `contact.adhesion`, a `contact.radius`, more `local.rings` or a smaller drag";
 
 #[derive(Debug, Args)]
 pub struct RunArguments {
@@ -66,8 +69,10 @@ pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
     if verdict.verdict != Verdict::Pass {
         eprintln!("{}: {}", verdict.verdict.name(), verdict.reasons.join("; "));
     }
-    if let Some(Fault { cause: FaultCause::Runaway { .. }, .. }) = &finished.fault {
-        eprintln!("{}", runaway_advice(&scene));
+    match finished.fault.map(|fault| fault.cause) {
+        Some(FaultCause::Runaway { .. }) => eprintln!("{}", runaway_advice(&scene)),
+        Some(FaultCause::PatchFolded { .. }) => eprintln!("{FOLDED_ADVICE}"),
+        _ => {}
     }
     Ok(match verdict.verdict {
         Verdict::Fail => FAIL,

@@ -153,6 +153,11 @@ impl Shape<'_> {
         self.signed_distance(q) > 0.0
     }
 
+    /// Whether q is in the box around the surface; a point outside of it is outside the surface.
+    pub(super) fn may_contain(&self, q: Vec3) -> bool {
+        self.model.boxes.around_all().distance(q) <= self.reach()
+    }
+
     /// Distance of q from the surface, m, negative inside; NaN if the surface is not finite.
     pub fn signed_distance(&self, q: Vec3) -> f64 {
         match &self.surface.geometry {

@@ -11,6 +11,19 @@ use crate::local::model::{LocalModel, LocalState};
 use crate::surface::geometry::{ContactPoint, SurfaceModel};
 use crate::surface::support::Support;
 
+/// Depth of the tip inside the surface while the contact is under tension, as a share of the longest edge of the
+/// contact's triangle, above which the patch has folded. In shipped scenes a surface that tears off recoils by 0.01.
+const FOLDED: f64 = 0.1;
+
+/// A patch that has folded over the tip: the contact pulls, and so exerts no force, although the tip is deep inside.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fold {
+    /// Depth of the tip inside the surface, m.
+    pub depth_m: f64,
+    /// Depth to which a surface that tears off may recoil, m.
+    pub limit_m: f64,
+}
+
 /// The local side: the model in use, its state, and the contact.
 ///
 /// ```
@@ -46,6 +59,8 @@ pub struct LocalSimulation {
     /// Ticks done with the model.
     pub(super) age: u64,
     pub(super) contact: Option<Contact>,
+    /// Whether the contact was under tension before the last tick, which then took the nearest point.
+    pub(super) was_under_tension: bool,
     pub(super) support: Support,
     pub(super) visited: Visited,
     pub(super) hits: Hits,
@@ -78,6 +93,7 @@ impl LocalSimulation {
             latency: 0,
             age: 0,
             contact: None,
+            was_under_tension: false,
             visited: Visited::new(triangles),
             hits: Hits::new(triangles),
             work_left: 0.0,
@@ -108,10 +124,16 @@ impl LocalSimulation {
         self.age = 0;
         self.forces_are_current = false;
         let before = (std::mem::replace(&mut self.model, model), std::mem::replace(&mut self.state, state));
-        if self.contact.is_none() && self.shape().signed_distance(tip) < -START_TOLERANCE {
-            self.contact = self.shape().nearest(tip).map(|point| Contact { point, state: ContactState::Tension });
-        }
+        self.take_up_if_inside(tip);
         before
+    }
+
+    /// Takes a free tip that is inside to be in contact with the nearest point, as after tension.
+    pub(super) fn take_up_if_inside(&mut self, tip: Vec3) {
+        let shape = self.shape();
+        if self.contact.is_none() && shape.may_contain(tip) && shape.signed_distance(tip) < -START_TOLERANCE {
+            self.contact = shape.nearest(tip).map(|point| Contact { point, state: ContactState::Tension });
+        }
     }
 
     /// Puts the model of a custom renderer to use, which goes on from the one before. Returns the old one, so that its
@@ -173,6 +195,24 @@ impl LocalSimulation {
     /// Returns the contact, if there is one.
     pub fn contact(&self) -> Option<Contact> {
         self.contact
+    }
+
+    /// Whether the contact is under tension.
+    pub(super) fn is_under_tension(&self) -> bool {
+        self.contact.is_some_and(|contact| contact.state == ContactState::Tension)
+    }
+
+    /// Returns the fold of the patch over the tip, if there is one. A surface that tears off recoils from the tip; if
+    /// the nearest point pulls although the tip is inside by more than a tenth of an edge, the patch has folded. In the
+    /// first tick under tension the contact point is another: the tip may have jumped away from it. A depth that is not
+    /// a number is a fold.
+    pub fn fold(&self, tip: Vec3) -> Option<Fold> {
+        let contact = self.contact.filter(|_| self.was_under_tension && self.is_under_tension())?;
+        let shape = self.shape();
+        let [a, b, c] = shape.corners(contact.point.triangle);
+        let limit_m = FOLDED * (b - a).norm().max((c - b).norm()).max((a - c).norm());
+        let depth_m = -shape.signed_distance(tip);
+        (!(depth_m <= limit_m)).then_some(Fold { depth_m, limit_m })
     }
 
     /// Puts the contact at a point, as after a tick of sticking there.

@@ -40,6 +40,7 @@ pub(super) enum WholeTick {
 impl LocalSimulation {
     /// Runs one tick, in which the tip moves from q₀ to q₁, m.
     pub fn tick(&mut self, q0: Vec3, q1: Vec3) -> TickReport {
+        self.was_under_tension = self.is_under_tension();
         let report = match self.rules.scheme {
             _ if self.renderer.is_some() => self.rendered_tick(q0, q1),
             Scheme::Geometric { deformation, metric } => self.geometric_tick(deformation, metric, q0, q1),
@@ -50,6 +51,9 @@ impl LocalSimulation {
         self.age += 1;
         snap_to_rest(&mut self.state.v[..self.model.patch.len()]);
         self.model.place_boundary(self.elapsed(), &mut self.state.x);
+        if self.renderer.is_none() {
+            self.take_up_if_inside(q1);
+        }
         report
     }
 

@@ -6,7 +6,7 @@ use crate::Vec3;
 use crate::contact::law::Mode;
 use crate::contact::renderer::RendererFault;
 use crate::contact::report::TickReport;
-use crate::contact::simulation::LocalSimulation;
+use crate::contact::simulation::{Fold, LocalSimulation};
 use crate::device::instrument::InstrumentFault;
 use crate::device::phantom::DeviceError;
 use crate::local::error::ModelError;
@@ -60,6 +60,17 @@ pub enum FaultCause {
         /// Distance from the rest position, m.
         distance_m: f64,
         /// Largest distance accepted, m.
+        limit_m: f64,
+    },
+    /// The patch has folded over the tip.
+    #[error(
+        "the patch folded over the tip: it is {:.3} mm inside the surface while the contact pulls, more than {:.3} mm",
+        1e3 * depth_m, 1e3 * limit_m
+    )]
+    PatchFolded {
+        /// Depth of the tip inside the surface, m.
+        depth_m: f64,
+        /// Largest depth accepted, m.
         limit_m: f64,
     },
 }
@@ -120,7 +131,7 @@ impl Bounds {
     }
 
     /// Finds a fault of a tick.
-    fn tick_cause(self, local: &LocalSimulation, report: &TickReport) -> Option<FaultCause> {
+    fn tick_cause(self, tip: Vec3, local: &LocalSimulation, report: &TickReport) -> Option<FaultCause> {
         if let Some(fault) = local.renderer_fault() {
             return Some(FaultCause::Renderer(fault));
         }
@@ -134,7 +145,10 @@ impl Bounds {
         let patch = &local.model().patch;
         let state = local.state();
         let mut nodes = patch.nodes.iter().zip(&patch.rest).zip(state.x.iter().zip(&state.v));
-        nodes.find_map(|((&node, rest), (x, v))| self.node_cause(node, rest, x, v))
+        nodes.find_map(|((&node, rest), (x, v))| self.node_cause(node, rest, x, v)).or_else(|| {
+            let Fold { depth_m, limit_m } = local.fold(tip)?;
+            Some(FaultCause::PatchFolded { depth_m, limit_m })
+        })
     }
 
     fn node_cause(self, node: u32, rest: &Vec3, x: &Vec3, v: &Vec3) -> Option<FaultCause> {
@@ -196,7 +210,7 @@ impl FailSafe {
         report: &TickReport,
     ) -> Result<Vec3, Fault> {
         if self.latched.is_none()
-            && let Some(cause) = self.bounds.tick_cause(local, report)
+            && let Some(cause) = self.bounds.tick_cause(tip, local, report)
         {
             let force = report.force;
             let model_age = local.model_age().saturating_sub(1);

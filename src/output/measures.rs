@@ -9,10 +9,6 @@ use crate::pipeline::TickView;
 /// tests: collision uses triangle planes, and inside the nearest point.
 const TUNNELLED_M: f64 = 1e-12;
 
-/// Depth of the tip inside the surface while the contact is under tension, as a share of the longest edge of the contact's
-/// triangle, above which the patch has folded. In shipped scenes a surface that tears off recoils by 0.01.
-const FOLDED: f64 = 0.1;
-
 /// Measures of the contact over the ticks recorded so far. A loss, a mode switch or a jump needs two successive ticks,
 /// so that a recording that begins within a run counts none of them at its first tick.
 ///
@@ -36,7 +32,6 @@ pub struct ContactMeasures {
     jump: ForceJump,
     jump_at_ends: ForceJump,
     tunnelling_ticks: u64,
-    patch_folded_ticks: u64,
 }
 
 /// Largest change of the commanded force between two ticks.
@@ -53,7 +48,6 @@ impl ContactMeasures {
     pub fn record(&mut self, view: &TickView) {
         self.follow(view.tick, view.report.mode, view.force);
         self.tunnelling_ticks += u64::from(is_tunnelling(view));
-        self.patch_folded_ticks += u64::from(is_folded(view));
     }
 
     fn follow(&mut self, tick: u64, mode: Mode, force: Vec3) {
@@ -96,26 +90,10 @@ impl ContactMeasures {
         self.jump_at_ends
     }
 
-    /// Number of ticks in which the patch is [folded](is_folded).
-    pub fn patch_folded_ticks(&self) -> u64 {
-        self.patch_folded_ticks
-    }
-
     /// Number of ticks that [tunnel](is_tunnelling).
     pub fn tunnelling_ticks(&self) -> u64 {
         self.tunnelling_ticks
     }
-}
-
-/// Returns whether the tip is deep inside the surface while a contact under tension exerts no force. A surface that
-/// tears off recoils from the tip; if the tip is inside by more than a tenth of an edge, the patch has folded over it. A distance
-/// that is not a number counts as inside.
-pub fn is_folded(view: &TickView) -> bool {
-    let (Mode::Free, Some(contact)) = (view.report.mode, view.local.contact()) else { return false };
-    let shape = view.local.shape();
-    let [a, b, c] = shape.corners(contact.point.triangle);
-    let edge = (b - a).norm().max((c - b).norm()).max((a - c).norm());
-    !(shape.signed_distance(view.tip) >= -FOLDED * edge)
 }
 
 /// Returns whether the tip is inside the surface at the end of the tick with no force and no contact kept. A distance

@@ -10,7 +10,7 @@ use crate::contact::law::Mode;
 use crate::device::coupled::DeviceView;
 use crate::local::condensation::CondensationCounts;
 use crate::model::work::WorkCounts;
-use crate::multirate::failsafe::Fault;
+use crate::multirate::failsafe::{Fault, FaultCause};
 use crate::multirate::timeline::{DeadlineOutcome, OverrunPolicy};
 use crate::pipeline::TickView;
 use crate::scene::{Scene, Warning};
@@ -244,7 +244,7 @@ pub struct Summary {
     /// Ticks with the tip inside the surface, no force and no contact kept, as [`ContactMeasures`] defines them; 0 in a
     /// run that passes.
     pub tunnelling_ticks: u64,
-    /// Ticks in which the patch had folded over the tip, as [`ContactMeasures`] defines them; 0 in a run that passes.
+    /// Folds of the patch over the tip: 0, or 1 if the run ended by [`FaultCause::PatchFolded`].
     pub patch_folded: u64,
     /// Ticks in which the law had no solution for the contact's response and sliding was solved instead.
     pub fallback_ticks: u64,
@@ -368,7 +368,7 @@ impl Recorder {
             tension_ticks: self.tension_ticks,
             patch_exits: self.patch_exits,
             tunnelling_ticks: contact.tunnelling_ticks(),
-            patch_folded: contact.patch_folded_ticks(),
+            patch_folded: u64::from(fault.is_some_and(|fault| matches!(fault.cause, FaultCause::PatchFolded { .. }))),
             fallback_ticks: self.fallback_ticks,
             largest_force_n: largest(|sample| sample.force.norm()),
             largest_normal_force_n: largest(|sample| sample.normal_force),

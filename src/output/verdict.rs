@@ -105,14 +105,6 @@ impl RunVerdict {
             }
             (None, false) => found(Pass, "completed", format!("no fault in {} ticks", summary.ticks)),
         }
-        if summary.patch_folded > 0 {
-            let reason = format!(
-                "the patch folded over the tip: in {} ticks it was inside the surface and felt no force; give \
-                 `contact.adhesion`, a `contact.radius`, more `local.rings` or a smaller drag",
-                summary.patch_folded
-            );
-            found(Fail, "folded", reason);
-        }
         if summary.tunnelling_ticks > 0 {
             let ticks = summary.tunnelling_ticks;
             found(

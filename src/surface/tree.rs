@@ -166,6 +166,11 @@ impl Boxes {
         Self { tree, boxes }
     }
 
+    /// Returns the box around the whole surface, with which every search begins.
+    pub fn around_all(&self) -> Aabb {
+        self.boxes.first().copied().unwrap_or(Aabb::EMPTY)
+    }
+
     /// Calls `visit` with every triangle in a leaf that `enter` admits. `enter` is called for boxes on the way down, so
     /// its captured state may narrow as triangles are visited.
     pub fn search<S>(&self, search: &mut S, enter: impl Fn(&S, &Aabb) -> bool, mut visit: impl FnMut(&mut S, u32)) {

@@ -89,6 +89,8 @@ pub enum FaultKind {
     Device,
     /// [`FaultCause::Renderer`].
     Renderer,
+    /// [`FaultCause::PatchFolded`].
+    PatchFolded,
 }
 
 impl FaultKind {
@@ -101,6 +103,7 @@ impl FaultKind {
             FaultCause::NoModel(_) => Self::NoModel,
             FaultCause::Device(_) | FaultCause::Instrument(_) => Self::Device,
             FaultCause::Renderer(_) => Self::Renderer,
+            FaultCause::PatchFolded { .. } => Self::PatchFolded,
         }
     }
 }
@@ -229,6 +232,7 @@ impl fmt::Display for Expected {
             Expected::Fault(FaultKind::NoModel) => f.write_str("fault: no model"),
             Expected::Fault(FaultKind::Device) => f.write_str("fault: device out of range"),
             Expected::Fault(FaultKind::Renderer) => f.write_str("fault: renderer failed"),
+            Expected::Fault(FaultKind::PatchFolded) => f.write_str("fault: patch folded"),
             Expected::Refused(words) => write!(f, "error: {words}"),
         }
     }

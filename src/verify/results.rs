@@ -248,6 +248,7 @@ fn cause(fault: &Fault) -> &'static str {
             "the instrument left the range in which it can be simulated"
         }
         FaultCause::Runaway { .. } => "diverged",
+        FaultCause::PatchFolded { .. } => "the patch folded over the tip",
     }
 }
 
