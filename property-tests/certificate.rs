@@ -4,7 +4,9 @@ use proptest::prelude::*;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use statrs::distribution::{Binomial, ContinuousCDF, Discrete, DiscreteCDF, Normal};
-use stickslip::verify::certificate::bounds::{CONFIDENCE, RateBound, Trials, Untested, ljung_box};
+use stickslip::verify::certificate::bounds::{
+    CONFIDENCE, Independence, RateBound, Trials, Untested, rank_test, runs_test,
+};
 use stickslip::verify::certificate::causes::{MissCause, Missed, StealSample, steal_grew};
 use stickslip::verify::certificate::tail::{Gev, HORIZONS_TICKS, Tail, Tests};
 
@@ -134,7 +136,7 @@ fn bounds_say_what_they_assume_and_where_there_is_none() {
 fn white_noise_is_called_dependent_as_often_as_the_level_says() {
     let runs = 2000;
     let rejected = (0..runs)
-        .filter(|&seed| !ljung_box(&Draws::new(seed).autoregressive(0.0, 400), 10).expect("tested").independent)
+        .filter(|&seed| !rank_test(&Draws::new(seed).autoregressive(0.0, 400), 10).expect("tested").independent)
         .count() as u64;
     // For a share of 1 % the count is in this range with probability 1 - 2e-4. The upper end is that of 1.5 %, as χ² is
     // the limit for long series only.
@@ -147,23 +149,119 @@ fn white_noise_is_called_dependent_as_often_as_the_level_says() {
 #[test]
 fn memory_is_found() {
     for seed in 0..100 {
-        let test = ljung_box(&Draws::new(seed).autoregressive(0.4, 400), 10).expect("tested");
+        let test = rank_test(&Draws::new(seed).autoregressive(0.4, 400), 10).expect("tested");
         assert!(!test.independent && test.p_value < 0.01, "seed {seed}: {test:?}");
     }
+}
+
+/// Ten times the spread in one value of a hundred leaves the level and the power of a test of ranks as they are.
+#[test]
+fn outliers_neither_hide_memory_nor_look_like_it() {
+    let with_outliers = |seed: u64, memory: f64| {
+        let mut draws = Draws::new(seed);
+        let mut series = draws.autoregressive(memory, 400);
+        series.iter_mut().for_each(|x| *x *= if draws.uniform() < 0.01 { 1e6 } else { 1.0 });
+        rank_test(&series, 10).expect("tested").independent
+    };
+    assert!((0..100).all(|seed| !with_outliers(seed, 0.4)));
+    assert!((0..100).filter(|&seed| !with_outliers(seed, 0.0)).count() <= 6, "1 is expected; 6 with p = 5e-4");
+}
+
+/// Over random orders of the ranks the statistic has the mean of χ², as the moments at each lag are exact.
+#[test]
+fn ranks_have_the_moments_that_the_test_assumes() {
+    let n = 60;
+    let mut draws = Draws::new(9);
+    let trials = 4000;
+    let mut sum = 0.0;
+    for _ in 0..trials {
+        let mut order: Vec<f64> = (0..n).map(f64::from).collect();
+        for i in (1..order.len()).rev() {
+            order.swap(i, (draws.uniform() * (i + 1) as f64) as usize);
+        }
+        sum += rank_test(&order, 2).expect("tested").statistic;
+    }
+    // χ² of two degrees has variance 4: the mean of 4000 has a standard error of 0.032.
+    let mean = sum / f64::from(trials);
+    println!("RESIDUAL | χ² of 2 degrees | mean statistic of ranks | 2 ± 0.13 | {mean:.3}");
+    assert!((mean - 2.0).abs() <= 0.13, "{mean}");
+}
+
+/// Counts the orders of n events among trials by their runs.
+fn orders_by_runs(events: u32, trials: u32) -> Vec<u64> {
+    let mut counts = vec![0; trials as usize + 1];
+    for order in (0..1_u32 << trials).filter(|order| order.count_ones() == events) {
+        let changes = (order ^ (order >> 1)) & ((1 << (trials - 1)) - 1);
+        counts[changes.count_ones() as usize + 1] += 1;
+    }
+    counts
+}
+
+#[test]
+fn runs_have_the_distribution_of_all_orders() {
+    // Logarithms of factorials lose about 1e-15 of their size, 30.
+    let worst = Worst::new("all orders", "P(R <= r)", 1e-12);
+    for (events, trials) in [(2, 4), (3, 9), (5, 10), (8, 16), (2, 16), (14, 16)] {
+        let counts = orders_by_runs(events, trials);
+        let all: u64 = counts.iter().sum();
+        let (n, m) = (u64::from(events), u64::from(trials - events));
+        let most = (0..counts.len()).rev().find(|&runs| counts[runs] > 0).expect("an order");
+        for runs in 2..=most {
+            let exact = counts[..=runs].iter().sum::<u64>() as f64 / all as f64;
+            let test = runs_test(n, m, runs as u64).expect("tested");
+            worst.check((test.p_value - exact).abs());
+            assert_eq!((test.statistic, test.independent), (runs as f64, exact > 0.01));
+        }
+        assert_eq!(runs_test(n, m, most as u64 + 1), Err(Untested::Runs { runs: most as u64 + 1 }));
+    }
+    // Beyond the exact sum the normal distribution goes on where that ends.
+    for runs in [950, 980, 1000, 1020] {
+        let [sum, normal] = [1000, 1001].map(|n| runs_test(n, n, runs + n - 1000).expect("tested").p_value);
+        assert!((sum - normal).abs() < 0.01, "{runs} runs: {sum} and {normal}");
+    }
+    assert_eq!(runs_test(1, 9, 2), Err(Untested::TooFewEvents { events: 1, trials: 10 }));
+    assert_eq!(runs_test(9, 1, 2), Err(Untested::TooFewEvents { events: 9, trials: 10 }));
+}
+
+#[test]
+fn misses_in_clusters_are_found_and_others_are_not() {
+    let outcome = |misses: &[bool]| {
+        let events = misses.iter().filter(|&&miss| miss).count() as u64;
+        let runs = misses.chunk_by(|a, b| a == b).count() as u64;
+        runs_test(events, misses.len() as u64 - events, runs).expect("tested")
+    };
+    let mut rejected = 0;
+    for seed in 0..1000 {
+        let mut draws = Draws::new(seed);
+        let spread: Vec<bool> = (0..400).map(|_| draws.uniform() < 0.1).collect();
+        rejected += u64::from(!outcome(&spread).independent);
+        // A miss is followed by another with probability 1/2.
+        let mut miss = false;
+        let mut next = || {
+            miss = draws.uniform() < if miss { 0.5 } else { 0.05 };
+            miss
+        };
+        let clustered: Vec<bool> = (0..2000).map(|_| next()).collect();
+        let found: Independence = outcome(&clustered);
+        assert!(!found.independent && found.p_value < 1e-3, "seed {seed}: {found:?}");
+    }
+    let most = Binomial::new(0.01, 1000).expect("a share").inverse_cdf(1.0 - 1e-4);
+    println!("RESIDUAL | level 0.01 | spread misses called clustered, of 1000 | <= {most} | {rejected}");
+    assert!(rejected <= most, "{rejected}");
 }
 
 #[test]
 fn what_cannot_be_tested_says_why() {
     let noise = Draws::new(1).autoregressive(0.0, 60);
-    assert_eq!(ljung_box(&noise[..49], 10), Err(Untested::TooFew { values: 49 }));
-    assert_eq!(ljung_box(&noise, 0), Err(Untested::Lags { lags: 0, values: 60 }));
-    assert_eq!(ljung_box(&noise, 60), Err(Untested::Lags { lags: 60, values: 60 }));
-    assert_eq!(ljung_box(&[0.1; 60], 10), Err(Untested::Constant));
+    assert_eq!(rank_test(&noise[..49], 10), Err(Untested::TooFew { values: 49 }));
+    assert_eq!(rank_test(&noise, 0), Err(Untested::Lags { lags: 0, values: 60 }));
+    assert_eq!(rank_test(&noise, 31), Err(Untested::Lags { lags: 31, values: 60 }));
+    assert_eq!(rank_test(&[0.1; 60], 10), Err(Untested::Constant));
     let mut broken = noise.clone();
     broken[7] = f64::NAN;
-    assert_eq!(ljung_box(&broken, 10), Err(Untested::NotFinite));
-    broken[7] = 1e300;
-    assert_eq!(ljung_box(&broken, 10), Err(Untested::NotFinite));
+    assert_eq!(rank_test(&broken, 10), Err(Untested::NotANumber));
+    broken[7] = f64::INFINITY;
+    assert!(rank_test(&broken, 10).is_ok(), "it has a rank");
 }
 
 const TIMES: Gev = Gev { location: 200_000.0, scale: 10_000.0, shape: 0.0 };

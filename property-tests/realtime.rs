@@ -13,6 +13,7 @@ use stickslip::realtime::channel::channel;
 use stickslip::realtime::exercise::Exercise;
 use stickslip::realtime::machine::Machine;
 use stickslip::realtime::meter::{Meter, TickTimes};
+use stickslip::realtime::power::CpuSettings;
 use stickslip::realtime::record::{Quantiles, Recorded, record};
 use stickslip::realtime::threads::{Obtained, Served, Window};
 use stickslip::scene::Scene;
@@ -173,7 +174,14 @@ fn served(ticks: impl Iterator<Item = [u64; 3]> + Clone, deadline_ns: u64, polic
         global: Some(global(50)),
         exercise: exercised(),
         window: Window { allocations: Some(0), ..Window::default() },
-        obtained: Obtained { policy, priority: 80, cpus: vec![1], memory_locked: true, refused: Vec::new() },
+        obtained: Obtained {
+            policy,
+            priority: 80,
+            cpus: vec![1],
+            memory_locked: true,
+            cpu: CpuSettings::default(),
+            refused: Vec::new(),
+        },
         stopped: false,
         fault: None,
     }
@@ -373,7 +381,36 @@ fn misses_are_counted_exactly_and_explained_one_by_one() {
     assert!(bound.estimate < bound.upper && bound.upper < 0.01);
     // Quantiles have three digits.
     let q = platform.response_ns;
-    assert!(q.p50.abs_diff(25_005) <= 25 && q.p50 <= q.p90 && q.p90 <= q.p99 && q.p99 <= q.p999 && q.p999 <= q.max);
+    let p999 = q.p999.expect("5000 ticks are enough");
+    assert!(q.p50.abs_diff(25_005) <= 25 && q.p50 <= q.p90 && q.p90 <= q.p99 && q.p99 <= p999 && p999 <= q.max);
+    assert_eq!(q.p9999, None, "and too few for this one");
+}
+
+/// Misses in 7 runs of blocks, 44 of 80 blocks with one: called dependent, and those of a generator independent.
+#[test]
+fn misses_that_cluster_are_called_dependent() {
+    let rate = |misses: &dyn Fn(u64) -> bool| {
+        let ticks: Vec<[u64; 3]> =
+            (0..4000).map(|t| if misses(t) { [1_200_000, 1_205_000, 5_000] } else { quiet(t) }).collect();
+        judged(&served(ticks.iter().copied(), DEADLINE_NS, "SCHED_FIFO"), vec![worst(9_000)], true).miss_rate
+    };
+    let hash =
+        |tick: u64| (tick.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (tick << 13)).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 33;
+    // Blocks of 50 ticks: a tenth of the ticks of the blocks 0–11, 20–29 and 58–79 miss.
+    let clustered = rate(&|tick| matches!(tick / 50, 0..12 | 20..30 | 58..80) && hash(tick) % 10 < 2);
+    assert_eq!(clustered.block_ticks, 50);
+    assert_eq!(clustered.independent, Some(false));
+    let tests = clustered.independence;
+    assert!(tests.blocks.is_some_and(|test| !test.independent && test.p_value < 1e-9), "{tests:?}");
+    assert!(tests.ticks.is_some_and(|test| !test.independent), "{tests:?}");
+    assert!(tests.responses.is_some_and(|test| !test.independent), "{tests:?}");
+
+    let spread = rate(&|tick| hash(tick) % 100 < 2);
+    assert_eq!(spread.independent, Some(true), "{:?}", spread.independence);
+    // Without a miss there is nothing that could cluster.
+    let none = rate(&|_| false);
+    assert!(none.independence.ticks.is_none() && none.independence.blocks.is_none());
+    assert!(none.untested.iter().any(|reason| reason.contains("0 events among 4000")), "{:?}", none.untested);
 }
 
 #[test]

@@ -141,8 +141,8 @@ impl Times {
 /// // A tick that takes 2.2 ms, so that two are skipped.
 /// let late = TickTimes { tick: 997, response_ns: 2_200_000, cpu_ns: 2_100_000, ..TickTimes::default() };
 /// assert!(!meter.tick(late, 997_000_000));
-/// meter.skip();
-/// meter.skip();
+/// meter.skip(998_000_000);
+/// meter.skip(999_000_000);
 /// meter.control(None); // its release had passed as well
 /// assert_eq!((meter.ticks(), meter.missed(), meter.skipped(), meter.longest_run()), (998, 1, 2, 3));
 /// assert_eq!(meter.control_missed(), (0, 1));
@@ -150,13 +150,17 @@ impl Times {
 /// assert_eq!((meter.worst_by_response()[0], meter.worst_by_cpu()[0]), (late, late));
 /// assert_eq!(meter.response.max_ns(), meter.worst_by_response()[0].response_ns);
 /// assert_eq!(meter.blocks().iter().map(|block| block.misses).sum::<u64>(), 1);
-/// assert_eq!(meter.deadline_ns(), 300_000);
+/// assert_eq!((meter.deadline_ns(), meter.runs()), (300_000, 2));
+/// // The next command is the response to the skipped ticks, too: after 2.1, 1.1 and 0.1 ms.
+/// meter.tick(TickTimes { tick: 1000, response_ns: 100_000, ..TickTimes::default() }, 1_000_000_000);
+/// assert_eq!((meter.response.count(), meter.response.max_ns(), meter.runs()), (1001, 2_200_000, 3));
+/// assert_eq!(meter.response.quantile_ns(999.0 / 1001.0) / 1000, 1100);
 /// ```
 #[derive(Debug, Clone)]
 pub struct Meter {
     /// Times from a scheduled release to the tick's begin.
     pub release: Times,
-    /// Times from a scheduled release to the command.
+    /// Times from a scheduled release to the command; for a skipped tick, to the next tick's command.
     pub response: Times,
     /// Times from begin to command.
     pub compute: Times,
@@ -175,6 +179,10 @@ pub struct Meter {
     control_left_out: u64,
     run: u64,
     longest_run: u64,
+    /// Number of runs of ticks in time and of missed or skipped ones.
+    runs: u64,
+    /// Skipped ticks without a response so far: their number, and the first one's release after the window began, ns.
+    unanswered: (u64, u64),
     misses: Vec<Miss>,
     blocks: Vec<Block>,
     block_ticks: u64,
@@ -204,6 +212,8 @@ impl Meter {
             control_left_out: 0,
             run: 0,
             longest_run: 0,
+            runs: 0,
+            unanswered: (0, 0),
             misses: Vec::with_capacity(MISSES_KEPT),
             blocks: vec![Block::default(); blocks],
             block_ticks,
@@ -221,6 +231,7 @@ impl Meter {
 
     /// Records a tick, released `at_ns` after the window began. Returns whether it met its deadline.
     pub fn tick(&mut self, times: TickTimes, at_ns: u64) -> bool {
+        self.answer(at_ns, times.response_ns);
         self.release.record(times.release_ns);
         self.response.record(times.response_ns);
         self.compute.record(times.compute_ns);
@@ -233,6 +244,7 @@ impl Meter {
         block.misses += u64::from(!on_time);
         block.response_max_ns = block.response_max_ns.max(times.response_ns);
         block.response_sum_ns += times.response_ns;
+        self.runs += u64::from(on_time == (self.run > 0) || self.runs == 0);
         self.ticks += 1;
         if on_time {
             self.run = 0;
@@ -250,10 +262,28 @@ impl Meter {
         false
     }
 
-    /// Records a skipped tick.
-    pub fn skip(&mut self) {
+    /// Records a skipped tick, released `at_ns` after the window began. Its response is the next command, so that the
+    /// distribution of responses has all ticks and not only those that were computed.
+    pub fn skip(&mut self, at_ns: u64) {
         self.skipped += 1;
+        self.runs += u64::from(self.run == 0);
         self.extend_run();
+        let (ticks, first_ns) = self.unanswered;
+        self.unanswered = (ticks + 1, if ticks == 0 { at_ns } else { first_ns });
+    }
+
+    /// Ends the window after `at_ns`, when skipped ticks without a response have waited at least until then.
+    pub fn end(&mut self, at_ns: u64) {
+        self.answer(at_ns, 0);
+    }
+
+    /// Records the responses of skipped ticks at the command of a tick that was released at `at_ns`.
+    fn answer(&mut self, at_ns: u64, response_ns: u64) {
+        let (ticks, first_ns) = std::mem::take(&mut self.unanswered);
+        for skipped in 0..ticks {
+            let waited = at_ns.saturating_sub(first_ns) * (ticks - skipped) / ticks;
+            self.response.record(waited + response_ns);
+        }
     }
 
     fn extend_run(&mut self) {
@@ -303,6 +333,11 @@ impl Meter {
     /// Returns the largest number of consecutive ticks that were missed or skipped.
     pub fn longest_run(&self) -> u64 {
         self.longest_run
+    }
+
+    /// Returns the number of runs of ticks that were in time, and of ticks that were missed or skipped.
+    pub fn runs(&self) -> u64 {
+        self.runs
     }
 
     /// Returns the first 4096 misses.

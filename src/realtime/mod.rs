@@ -13,5 +13,6 @@ pub mod load;
 pub mod machine;
 pub mod meter;
 pub mod os;
+pub mod power;
 pub mod record;
 pub mod threads;

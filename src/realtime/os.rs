@@ -102,6 +102,23 @@ pub fn policy() -> (&'static str, i32) {
     (name, parameters.sched_priority)
 }
 
+/// Requests that sleeps of the calling thread end with the least delay, and returns the slack of its timers that it got,
+/// ns; `None` if the system has none. Threads under `SCHED_FIFO` have no slack whatever this says.
+///
+/// ```
+/// use stickslip::realtime::os::least_timer_slack_ns;
+///
+/// assert!(least_timer_slack_ns().is_none_or(|slack| slack <= 50_000)); // 50 µs is the default
+/// ```
+pub fn least_timer_slack_ns() -> Option<u64> {
+    // SAFETY: no pointer is passed.
+    let slack = unsafe {
+        libc::prctl(libc::PR_SET_TIMERSLACK, 1);
+        libc::prctl(libc::PR_GET_TIMERSLACK)
+    };
+    u64::try_from(slack).ok()
+}
+
 /// Locks all present and future memory of the process.
 ///
 /// # Errors

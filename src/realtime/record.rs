@@ -24,6 +24,7 @@ use crate::session::{RecordedPass, Session};
 /// }
 /// let quantiles = Quantiles::of(&meter.response); // 1, 2, … 100 ns
 /// assert_eq!((quantiles.p50, quantiles.p90, quantiles.p99, quantiles.max), (50, 90, 99, 100));
+/// assert_eq!((quantiles.p999, quantiles.p9999), (None, None)); // no time lies beyond them
 /// ```
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Quantiles {
@@ -33,10 +34,10 @@ pub struct Quantiles {
     pub p90: u64,
     /// 99 % quantile, ns.
     pub p99: u64,
-    /// 99.9 % quantile, ns.
-    pub p999: u64,
-    /// 99.99 % quantile, ns.
-    pub p9999: u64,
+    /// 99.9 % quantile, ns; absent for less than 1000 times, of which none lies beyond it.
+    pub p999: Option<u64>,
+    /// 99.99 % quantile, ns; absent for less than 10,000 times.
+    pub p9999: Option<u64>,
     /// Exact maximum, ns; quantiles have three digits.
     pub max: u64,
 }
@@ -45,7 +46,9 @@ impl Quantiles {
     /// Computes the quantiles of recorded times.
     pub fn of(times: &Times) -> Self {
         let at = |share| times.quantile_ns(share);
-        Self { p50: at(0.5), p90: at(0.9), p99: at(0.99), p999: at(0.999), p9999: at(0.9999), max: times.max_ns() }
+        let rare = |share, least| (times.count() >= least).then(|| at(share));
+        let (p999, p9999) = (rare(0.999, 1000), rare(0.9999, 10_000));
+        Self { p50: at(0.5), p90: at(0.9), p99: at(0.99), p999, p9999, max: times.max_ns() }
     }
 }
 

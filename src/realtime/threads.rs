@@ -13,6 +13,7 @@ use super::channel::{ServoEnd, channel};
 use super::exercise::Exercise;
 use super::meter::{Meter, TickTimes};
 use super::os::{self, Usage};
+use super::power::{CpuSettings, frequency_khz, hold_dma_latency};
 use crate::Vec3;
 use crate::contact::report::TickReport;
 use crate::multirate::failsafe::Fault;
@@ -111,8 +112,9 @@ pub struct LoopSettings {
 /// ```
 /// use stickslip::realtime::threads::Obtained;
 ///
+/// # let cpu = Default::default();
 /// let mut obtained =
-///     Obtained { policy: "SCHED_OTHER", priority: 0, cpus: vec![0, 1], memory_locked: false, refused: vec![] };
+///     Obtained { policy: "SCHED_OTHER", priority: 0, cpus: vec![0, 1], memory_locked: false, cpu, refused: vec![] };
 /// assert!(!obtained.is_realtime()); // any other program may take its CPU
 /// (obtained.policy, obtained.priority) = ("SCHED_FIFO", 80);
 /// assert!(obtained.is_realtime());
@@ -127,6 +129,8 @@ pub struct Obtained {
     pub cpus: Vec<usize>,
     /// Whether all memory was locked.
     pub memory_locked: bool,
+    /// Idle states, timers and frequency of the CPU.
+    pub cpu: CpuSettings,
     /// Requests that were refused, with the reasons.
     pub refused: Vec<String>,
 }
@@ -248,6 +252,13 @@ pub fn serve(
         }
     };
     let cpus = os::affinity();
+    let last = cpus.last().copied().unwrap_or_default();
+    // Closed after the window, which ends its effect.
+    let latency = hold_dma_latency();
+    if let Err(error) = &latency {
+        refused.push(format!("/dev/cpu_dma_latency: {error}"));
+    }
+    let mut cpu = CpuSettings { is_dma_latency_held: latency.is_ok(), ..CpuSettings::of(last) };
     let done = AtomicBool::new(false);
     let idle = Duration::from_secs_f64((settings.tick_s / 4.0).clamp(2e-5, 1e-3));
     let served = std::thread::scope(|scope| {
@@ -255,19 +266,19 @@ pub fn serve(
             GlobalTimes::new(settings.ticks_per_cycle, nanoseconds(settings.ticks_per_cycle as f64 * settings.tick_s));
         let builder = scope.spawn(|| build_models(global_end, sides, &first_patches, idle, &done, global));
         let servo = scope.spawn(|| {
-            if let Some(&last) = cpus.last()
-                && let Err(error) = os::pin(&[last])
-            {
+            if let Err(error) = os::pin(&[last]) {
                 refused.push(format!("sched_setaffinity: {error}"));
             }
             if let Err(error) = os::request_fifo(PRIORITY) {
                 refused.push(format!("SCHED_FIFO: {error}"));
             }
             let (policy, priority) = os::policy();
+            cpu.timer_slack_ns = os::least_timer_slack_ns();
             touch_stack();
             warm(warm_up);
             let (window, stopped) = run_loop(&mut passes, servo_end, &mut meter, settings, stop);
-            let obtained = Obtained { policy, priority, cpus: os::affinity(), memory_locked, refused };
+            cpu.frequency_khz[1] = frequency_khz(last);
+            let obtained = Obtained { policy, priority, cpus: os::affinity(), memory_locked, cpu, refused };
             (passes, meter, window, obtained, stopped)
         });
         let served = servo.join();
@@ -276,6 +287,7 @@ pub fn serve(
         served.and_then(|served| Ok((served, built?))).map_err(|_| NotServed::Panicked)
     });
     os::unlock_memory();
+    drop(latency);
     let ((passes, meter, window, obtained, stopped), mut global) = served?;
     let mut exercise = Exercise::default();
     for pass in passes.iter().filter(|pass| pass.ticks_done() > 0) {
@@ -355,7 +367,7 @@ fn run_loop(
                         pass.fault = Some(fault);
                         break 'passes;
                     }
-                    meter.skip();
+                    meter.skip(release_of(released) - start);
                     released += 1;
                 }
             }
@@ -364,6 +376,8 @@ fn run_loop(
             }
         }
     }
+    let end_ns = os::now_ns();
+    meter.end(end_ns.saturating_sub(start));
     let counted = Usage::of_this_thread().since(usage);
     let window = Window {
         allocations: allocations::on_this_thread().zip(allocated).map(|(now, before)| now - before),
@@ -372,7 +386,7 @@ fn run_loop(
         involuntary_switches: counted.involuntary_switches,
         lost_notes: end.lost(),
         begin_ns: start,
-        end_ns: os::now_ns(),
+        end_ns,
     };
     (window, stopped)
 }

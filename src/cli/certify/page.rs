@@ -11,7 +11,7 @@ use crate::realtime::threads::Served;
 use crate::verify::certificate::bounds::RateBound;
 use crate::verify::certificate::parts::Verdict;
 use crate::verify::certificate::tail::Tail;
-use crate::verify::certificate::verdict::{Certificate, MissRate, WorstTick};
+use crate::verify::certificate::verdict::{Certificate, IndependenceTests, MissRate, WorstTick};
 use crate::verify::lateness::Consequences;
 
 /// File of the figure of responses over time.
@@ -40,14 +40,9 @@ pub fn words(certificate: &Certificate) -> String {
         part(name, verdict.name(), reasons);
     }
     let line = |name: &str, q: &Quantiles| {
-        format!(
-            "{name}: p50 {:.1}, p99 {:.1}, p99.9 {:.1}, p99.99 {:.1}, longest {:.1} µs",
-            us(q.p50),
-            us(q.p99),
-            us(q.p999),
-            us(q.p9999),
-            us(q.max)
-        )
+        let rare = [("p99.9", q.p999), ("p99.99", q.p9999)];
+        let rare = rare.map(|(name, ns)| ns.map_or(String::new(), |ns| format!(", {name} {:.1}", us(ns)))).concat();
+        format!("{name}: p50 {:.1}, p99 {:.1}{rare}, longest {:.1} µs", us(q.p50), us(q.p99), us(q.max))
     };
     let lines = [
         line("compute time             ", &compute.compute_ns),
@@ -86,8 +81,8 @@ fn times(certificate: &Certificate) -> Vec<[String; 7]> {
         rows.push(("global cycle to model (CPU time of the thread)", &global.cpu_ns));
     }
     let row = |(name, q): (&str, &Quantiles)| {
-        let [p50, p90, p99, p999, p9999, max] =
-            [q.p50, q.p90, q.p99, q.p999, q.p9999, q.max].map(|ns| format!("{:.1}", us(ns)));
+        let [p50, p90, p99, p999, p9999, max] = [Some(q.p50), Some(q.p90), Some(q.p99), q.p999, q.p9999, Some(q.max)]
+            .map(|ns| ns.map_or("–".to_owned(), |ns| format!("{:.1}", us(ns))));
         [name.to_owned(), p50, p90, p99, p999, p9999, max]
     };
     rows.into_iter().map(row).collect()
@@ -172,7 +167,9 @@ pub fn markdown(certificate: &Certificate) -> String {
     for row in times(certificate) {
         say(format!("| {} |", row.join(" | ")));
     }
-    say("\nQuantiles have three significant digits; the longest times and all counts are exact.\n".to_owned());
+    say("\nQuantiles have three significant digits and are given where there are enough times for one to lie beyond; the \
+         longest times and all counts are exact. A skipped tick's response is that of the next command.\n"
+        .to_owned());
     say("![response over time](response.svg)\n".to_owned());
     say("![share of ticks with a longer response](distribution.svg)\n".to_owned());
     say("## Deadline misses\n".to_owned());
@@ -245,6 +242,12 @@ pub fn markdown(certificate: &Certificate) -> String {
         ("scheduling", format!("{}, priority {}", settings.policy, settings.priority)),
         ("CPUs of the thread", format!("{:?} of {}", settings.cpus, machine.cpus)),
         ("memory locked", settings.memory_locked.to_string()),
+        ("idle states of the CPU (C-states)", listed(&settings.cpu.idle_states)),
+        ("/dev/cpu_dma_latency (µs)", number(settings.cpu.dma_latency_us)),
+        ("/dev/cpu_dma_latency held at 0", settings.cpu.is_dma_latency_held.to_string()),
+        ("SMT siblings of the CPU", unknown(&settings.cpu.smt_siblings)),
+        ("timer slack of the thread (ns)", number(settings.cpu.timer_slack_ns)),
+        ("frequency of the CPU: before, after, limits (kHz)", settings.cpu.frequency()),
         ("requests refused", refused),
         ("allocator calls in the window", allocations),
         ("page faults", window.page_faults.to_string()),
@@ -278,6 +281,14 @@ pub fn markdown(certificate: &Certificate) -> String {
     page
 }
 
+fn number(value: Option<impl ToString>) -> String {
+    value.map_or("unknown".to_owned(), |value| value.to_string())
+}
+
+fn listed(values: &Option<Vec<String>>) -> String {
+    values.as_ref().map_or("unknown".to_owned(), |values| values.join(", "))
+}
+
 fn capitalised(name: &str) -> String {
     let mut rest = name.chars();
     rest.next().map_or(String::new(), |first| first.to_uppercase().chain(rest).collect())
@@ -293,23 +304,27 @@ fn rate_sentences(rate: &MissRate) -> Vec<String> {
         ),
         None => format!("{what}: nothing was measured"),
     };
-    let independence = match (&rate.independence, &rate.untested) {
-        (Some(test), _) if test.independent => {
-            format!("longest responses of blocks pass the test of independence (p = {:.2})", test.p_value)
-        }
-        (Some(test), _) => {
-            format!(
-                "longest responses of blocks are not independent (p = {:.1e}): both bounds are too low",
-                test.p_value
-            )
-        }
-        (None, reason) => format!("independence was not tested: {}", reason.as_deref().unwrap_or("no reason given")),
-    };
-    vec![
+    let mut sentences = vec![
         bound("share of ticks that miss their deadline", &rate.ticks),
         bound(&format!("share of blocks of {} ticks with a miss", rate.block_ticks), &rate.blocks),
-        independence,
-    ]
+    ];
+    let IndependenceTests { ticks, blocks, responses } = &rate.independence;
+    let tests = [
+        ("missed ticks", ticks, "the bound for ticks is too low: rely on that for blocks"),
+        ("blocks with a miss", blocks, "both bounds are too low: find the cause of the cluster, or measure for longer"),
+        ("longest responses of blocks", responses, "the machine changes over minutes: measure for longer"),
+    ];
+    for (what, test, so) in tests {
+        match test {
+            Some(test) if test.independent => {
+                sentences.push(format!("{what} pass the test of independence (p = {:.2})", test.p_value));
+            }
+            Some(test) => sentences.push(format!("{what} depend on earlier ones (p = {:.1e}): {so}", test.p_value)),
+            None => {}
+        }
+    }
+    sentences.extend(rate.untested.iter().map(|reason| format!("independence was not tested for {reason}")));
+    sentences
 }
 
 fn tail_sentence(tail: &Tail) -> String {

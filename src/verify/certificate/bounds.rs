@@ -1,9 +1,10 @@
-//! Upper bounds of a rate from observed events, and a test of whether a series is independent, which
-//! those bounds assume.
+//! Upper bounds of a rate from observed events, and tests of whether events and values are independent of earlier ones,
+//! which those bounds assume.
 
 use serde::{Deserialize, Serialize};
-use statrs::distribution::{ChiSquared, ContinuousCDF};
+use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 use statrs::function::beta::beta_reg;
+use statrs::function::factorial::ln_binomial;
 use thiserror::Error;
 
 /// Confidence of the bounds: the least share of experiments in which the true rate is not above them.
@@ -12,6 +13,8 @@ pub const CONFIDENCE: f64 = 0.95;
 pub const LEVEL: f64 = 0.01;
 /// Length below which a series is not tested: the statistic is χ² distributed only in long series.
 pub const SHORTEST_SERIES: usize = 50;
+/// Number of the rarer outcome up to which the distribution of runs is summed exactly.
+pub const MOST_EXACT: u64 = 1000;
 /// Number of trials above which the logarithms of factorials in the incomplete beta function lose too many digits.
 pub const MOST_TRIALS: u64 = 1_000_000_000;
 /// Number of events above which the continued fraction of the incomplete beta function is cut off before convergence.
@@ -104,17 +107,21 @@ fn upper_bound(x: f64, n: f64) -> f64 {
     }
 }
 
-/// Test of whether the values of a series depend on earlier ones.
+/// Result of a test of whether later events or values depend on earlier ones.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Independence {
-    /// Statistic Q of Ljung and Box.
+    /// Statistic of the test.
     pub statistic: f64,
-    /// Number of lags.
-    pub lags: usize,
-    /// Probability of a Q at least as large if the series is independent.
+    /// Probability of a statistic at least as extreme if the series is independent.
     pub p_value: f64,
     /// Whether `p_value` is above [`LEVEL`].
     pub independent: bool,
+}
+
+impl Independence {
+    fn new(statistic: f64, p_value: f64) -> Self {
+        Self { statistic, p_value, independent: p_value > LEVEL }
+    }
 }
 
 /// Why a series cannot be tested for independence.
@@ -128,7 +135,7 @@ pub enum Untested {
         values: usize,
     },
     /// The number of lags is zero, or too large for the series.
-    #[error("{lags} lags cannot be tested in {values} values; choose at least one and fewer than there are values")]
+    #[error("{lags} lags cannot be tested in {values} values; choose at least one and at most half as many as values")]
     Lags {
         /// Requested number of lags.
         lags: usize,
@@ -138,52 +145,144 @@ pub enum Untested {
     /// All values are equal, so that no correlation is defined.
     #[error("all values of the series are the same")]
     Constant,
-    /// A value, or the sum of their squares, is not finite.
-    #[error("the series is not finite")]
-    NotFinite,
+    /// A value is not a number.
+    #[error("a value of the series is not a number")]
+    NotANumber,
+    /// One event has no neighbour to cluster with.
+    #[error("{events} events among {trials} trials cannot cluster; at least two of either outcome are needed")]
+    TooFewEvents {
+        /// Number of events.
+        events: u64,
+        /// Number of trials.
+        trials: u64,
+    },
+    /// There cannot be so many runs.
+    #[error("{runs} runs are not possible")]
+    Runs {
+        /// Stated number of runs.
+        runs: u64,
+    },
 }
 
-/// Tests independence by Q = n (n + 2) Σ ρₖ² / (n − k) over k = 1…lags, ρₖ the autocorrelations: χ² distributed with as
-/// many degrees of freedom if the series is independent (Ljung and Box, Biometrika 65, 1978).
+/// Tests whether events cluster, by the number of runs of equal outcomes in a series of `events` events and `others`
+/// (Wald and Wolfowitz, Annals of Mathematical Statistics 11, 1940): all orders of independent trials are equally
+/// probable, and fewer runs than in nearly all of them are a sign of clusters. The p-value is P(R ≤ runs); more runs than
+/// usual pass, as events that avoid each other make no bound too low. The sum is exact up to [`MOST_EXACT`] of the rarer
+/// outcome. Beyond, R is normal with mean 2nm/N + 1 and variance 2nm (2nm − N) / (N² (N − 1)), N = n + m.
+///
+/// # Errors
+/// If there are less than two events or two others, or there cannot be so many runs.
+///
+/// ```
+/// use stickslip::verify::certificate::bounds::{Untested, runs_test};
+///
+/// // 44 of 80 blocks have a miss, in 7 runs of blocks with and without: they cluster.
+/// assert!(!runs_test(44, 36, 7)?.independent);
+/// assert!(runs_test(44, 36, 41)?.independent);
+/// // Two events and two others have 6 orders, two of them with two runs.
+/// assert!((runs_test(2, 2, 2)?.p_value - 2.0 / 6.0).abs() < 1e-14);
+/// assert_eq!(runs_test(1, 999, 3), Err(Untested::TooFewEvents { events: 1, trials: 1000 }));
+/// # Ok::<(), Untested>(())
+/// ```
+pub fn runs_test(events: u64, others: u64, runs: u64) -> Result<Independence, Untested> {
+    let (few, many) = (events.min(others), events.max(others));
+    if few < 2 {
+        return Err(Untested::TooFewEvents { events, trials: events + others });
+    }
+    if runs < 2 || runs > 2 * few + u64::from(few < many) {
+        return Err(Untested::Runs { runs });
+    }
+    let p_value = if few <= MOST_EXACT {
+        (2..=runs).map(|runs| probability_of_runs(few, many, runs)).sum::<f64>().min(1.0)
+    } else {
+        let (n, m) = (few as f64, many as f64);
+        let (product, total) = (2.0 * n * m, n + m);
+        let variance = product * (product - total) / (total * total * (total - 1.0));
+        // The continuity correction of half a run.
+        Normal::standard().cdf((runs as f64 + 0.5 - (product / total + 1.0)) / variance.sqrt())
+    };
+    Ok(Independence::new(runs as f64, p_value))
+}
+
+/// Returns P(R = runs) over all orders of n and m outcomes: 2 C(n−1, k−1) C(m−1, k−1) / C(n+m, n) for 2k runs, and
+/// (C(n−1, k) C(m−1, k−1) + C(n−1, k−1) C(m−1, k)) / C(n+m, n) for 2k + 1.
+fn probability_of_runs(n: u64, m: u64, runs: u64) -> f64 {
+    let all = ln_binomial(n + m, n);
+    let ways = |in_n: u64, in_m: u64| {
+        let is_possible = in_n <= n && in_m <= m;
+        if is_possible { (ln_binomial(n - 1, in_n - 1) + ln_binomial(m - 1, in_m - 1) - all).exp() } else { 0.0 }
+    };
+    let k = runs / 2;
+    if runs.is_multiple_of(2) { 2.0 * ways(k, k) } else { ways(k + 1, k) + ways(k, k + 1) }
+}
+
+/// Tests independence by the autocorrelations r of the values' ranks at lags k = 1…lags, which no distribution of the
+/// values disturbs: Q = Σ (r − μ)² / σ², with the exact mean μ = −(n − k) / (n (n − 1)) and variance
+/// σ² = (5n⁴ − (5k + 9) n³ + 9 (k − 2) n² + 2k (5k + 8) n + 16k²) / (5 (n − 1)² n² (n + 1)) over all orders of the ranks,
+/// is χ² distributed with as many degrees of freedom (Dufour and Roy, Communications in Statistics A 15, 1986). Equal
+/// values share the mean of their ranks.
 ///
 /// # Errors
 /// If that distribution is not known or Q is not defined.
 ///
 /// ```
-/// use stickslip::verify::certificate::bounds::{Untested, ljung_box};
+/// use stickslip::verify::certificate::bounds::{Untested, rank_test};
 ///
-/// // ρ₁ = −0.99 of 100 alternating values: Q = n(n + 2)ρ₁²/(n − 1) = 100.98.
-/// let alternating: Vec<f64> = (0..100).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 }).collect();
-/// let tested = ljung_box(&alternating, 1)?;
-/// assert!((tested.statistic - 100.98).abs() < 1e-9 && !tested.independent);
-/// assert_eq!(ljung_box(&[1.0; 100], 1), Err(Untested::Constant));
-/// assert_eq!(ljung_box(&alternating[..10], 1), Err(Untested::TooFew { values: 10 }));
+/// // One value far above all others is no dependence; a trend is.
+/// let mut values: Vec<f64> = (0..100).map(|i| f64::from(i * 37 % 101)).collect();
+/// values[50] = 1e12;
+/// assert!(rank_test(&values, 1)?.independent);
+/// values.sort_by(f64::total_cmp);
+/// assert!(!rank_test(&values, 1)?.independent);
+/// assert_eq!(rank_test(&[1.0; 100], 1), Err(Untested::Constant));
+/// assert_eq!(rank_test(&values[..10], 1), Err(Untested::TooFew { values: 10 }));
 /// # Ok::<(), Untested>(())
 /// ```
-pub fn ljung_box(series: &[f64], lags: usize) -> Result<Independence, Untested> {
+pub fn rank_test(series: &[f64], lags: usize) -> Result<Independence, Untested> {
     let values = series.len();
     if values < SHORTEST_SERIES {
         return Err(Untested::TooFew { values });
     }
-    if lags >= values {
+    if lags > values / 2 {
         return Err(Untested::Lags { lags, values });
     }
     let chi_squared = ChiSquared::new(lags as f64).map_err(|_| Untested::Lags { lags, values })?;
+    if series.iter().any(|value| value.is_nan()) {
+        return Err(Untested::NotANumber);
+    }
     if series.iter().all(|value| *value == series[0]) {
         return Err(Untested::Constant);
     }
+    let centred = centred_ranks(series);
+    let square: f64 = centred.iter().map(|rank| rank * rank).sum();
     let n = values as f64;
-    let mean = series.iter().sum::<f64>() / n;
-    let product = |lag: usize| series.iter().zip(&series[lag..]).map(|(a, b)| (a - mean) * (b - mean)).sum::<f64>();
-    let variance = product(0);
-    if !variance.is_finite() {
-        return Err(Untested::NotFinite);
+    let statistic = (1..=lags)
+        .map(|lag| {
+            let k = lag as f64;
+            let r = centred.iter().zip(&centred[lag..]).map(|(a, b)| a * b).sum::<f64>() / square;
+            let mean = -(n - k) / (n * (n - 1.0));
+            let numerator = 5.0 * n.powi(4) - (5.0 * k + 9.0) * n.powi(3)
+                + 9.0 * (k - 2.0) * n * n
+                + 2.0 * k * (5.0 * k + 8.0) * n
+                + 16.0 * k * k;
+            let variance = numerator / (5.0 * (n - 1.0).powi(2) * n * n * (n + 1.0));
+            (r - mean).powi(2) / variance
+        })
+        .sum();
+    Ok(Independence::new(statistic, chi_squared.sf(statistic)))
+}
+
+/// Returns the ranks of the values less their mean; equal values have the mean of their ranks.
+fn centred_ranks(series: &[f64]) -> Vec<f64> {
+    let mut order: Vec<usize> = (0..series.len()).collect();
+    order.sort_by(|&a, &b| series[a].total_cmp(&series[b]));
+    let middle = (series.len() as f64 - 1.0) / 2.0;
+    let mut ranks = vec![0.0; series.len()];
+    let mut first = 0;
+    for equal in order.chunk_by(|&a, &b| series[a] == series[b]) {
+        let rank = first as f64 + (equal.len() as f64 - 1.0) / 2.0;
+        equal.iter().for_each(|&at| ranks[at] = rank - middle);
+        first += equal.len();
     }
-    if !(variance > 0.0) {
-        return Err(Untested::Constant);
-    }
-    let sum: f64 = (1..=lags).map(|lag| (product(lag) / variance).powi(2) / (n - lag as f64)).sum();
-    let statistic = n * (n + 2.0) * sum;
-    let p_value = chi_squared.sf(statistic);
-    Ok(Independence { statistic, lags, p_value, independent: p_value > LEVEL })
+    ranks
 }

@@ -9,7 +9,7 @@ use statrs::function::gamma::gamma;
 use statrs::stats_tests::NaNPolicy;
 use statrs::stats_tests::ks_test::{KSTwoSampleAlternativeMethod, ks_twosample};
 
-use super::bounds::ljung_box;
+use super::bounds::rank_test;
 
 /// Least number of blocks that determines a shape.
 pub const FEWEST_BLOCKS: usize = 100;
@@ -141,7 +141,7 @@ pub struct Tests {
     pub blocks: usize,
     /// Number of ticks in a block.
     pub block_ticks: u64,
-    /// Test that no maximum depends on earlier ones, by Ljung and Box. None where it could not be done, also below.
+    /// Test that no maximum depends on earlier ones, by their ranks. None where it could not be done, also below.
     pub independence: Option<Tested>,
     /// Test that both halves are equally distributed, by Kolmogorov and Smirnov. A drift there and back escapes it.
     pub stationarity: Option<Tested>,
@@ -220,7 +220,7 @@ impl Tail {
         }
         let maxima: Vec<f64> = maxima_ns.iter().map(|&ns| ns as f64).collect();
 
-        match ljung_box(&maxima, LAGS) {
+        match rank_test(&maxima, LAGS) {
             Ok(test) => tests.independence = Some(Tested::new(test.statistic, test.p_value)),
             Err(error) => reasons.push(error.to_string()),
         }

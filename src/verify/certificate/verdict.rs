@@ -11,7 +11,7 @@ use crate::realtime::meter::{Meter, Miss, TickTimes};
 use crate::realtime::record::Quantiles;
 use crate::realtime::threads::{Obtained, Served, Window};
 use crate::session::ReplayReason;
-use crate::verify::certificate::bounds::{Independence, RateBound, Trials, Untested, ljung_box};
+use crate::verify::certificate::bounds::{Independence, RateBound, Trials, Untested, rank_test, runs_test};
 use crate::verify::certificate::causes::{MissCause, Missed, StealSample, steal_grew};
 use crate::verify::certificate::identity::Identity;
 use crate::verify::certificate::parts::{
@@ -20,7 +20,7 @@ use crate::verify::certificate::parts::{
 use crate::verify::certificate::tail::Tail;
 use crate::verify::lateness::Consequences;
 
-/// Lags of the test of independence.
+/// Lags of the rank test: memory that outlasts ten blocks also shows in shorter lags.
 const LAGS: usize = 10;
 /// Margin around a miss, in which growth of the stolen time counts for it, ns: it covers the interval of the kernel's
 /// accounting and that between two samples of it.
@@ -65,10 +65,53 @@ pub struct MissRate {
     pub blocks: Option<RateBound>,
     /// Number of ticks in a block.
     pub block_ticks: u64,
-    /// Test of independence of the blocks' longest responses, by their autocorrelation.
-    pub independence: Option<Independence>,
-    /// Reason for which independence could not be tested.
-    pub untested: Option<String>,
+    /// Whether no test rejected independence; absent if none could be done.
+    pub independent: Option<bool>,
+    /// Tests of independence.
+    pub independence: IndependenceTests,
+    /// Reasons for which a test could not be done.
+    pub untested: Vec<String>,
+}
+
+/// Tests of the assumptions of the bounds.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct IndependenceTests {
+    /// Whether missed ticks cluster, by their runs; skipped ticks count as missed.
+    pub ticks: Option<Independence>,
+    /// Whether blocks with a miss cluster, by their runs.
+    pub blocks: Option<Independence>,
+    /// Whether the blocks' longest responses depend on earlier ones, by their ranks.
+    pub responses: Option<Independence>,
+}
+
+impl MissRate {
+    fn of(meter: &Meter, maxima_ns: &[u64], block_ticks: u64) -> Self {
+        let (missed, all) = (meter.missed() + meter.skipped(), meter.ticks() + meter.skipped());
+        let has_miss: Vec<bool> = meter.blocks().iter().map(|block| block.misses > 0).collect();
+        let missed_blocks = has_miss.iter().filter(|&&has_miss| has_miss).count() as u64;
+        let all_blocks = has_miss.len() as u64;
+        let runs = has_miss.chunk_by(|a, b| a == b).count() as u64;
+        let maxima: Vec<f64> = maxima_ns.iter().map(|&ns| ns as f64).collect();
+        let mut untested = Vec::new();
+        let mut tested = |what: &str, test: Result<Independence, Untested>| {
+            test.map_err(|reason| untested.push(format!("{what}: {reason}"))).ok()
+        };
+        let independence = IndependenceTests {
+            ticks: tested("missed ticks", runs_test(missed, all - missed, meter.runs())),
+            blocks: tested("blocks with a miss", runs_test(missed_blocks, all_blocks - missed_blocks, runs)),
+            responses: tested("longest responses of blocks", rank_test(&maxima, LAGS)),
+        };
+        let IndependenceTests { ticks, blocks, responses } = independence;
+        let outcomes = [ticks, blocks, responses].into_iter().flatten();
+        Self {
+            ticks: RateBound::of(missed, all, Trials::Ticks),
+            blocks: RateBound::of(missed_blocks, all_blocks, Trials::Blocks),
+            block_ticks,
+            independent: outcomes.map(|test| test.independent).reduce(|a, b| a && b),
+            independence,
+            untested,
+        }
+    }
 }
 
 /// Certificate of a loop's deadlines, the content of `certificate.json`.
@@ -95,7 +138,7 @@ pub struct MissRate {
 /// # let (passes, stopped, fault) = (vec![], false, None);
 /// # let window = Window { allocations: Some(0), end_ns: 10_000_000, ..Window::default() };
 /// # let obtained = Obtained { policy: "SCHED_FIFO", priority: 80,
-/// #     cpus: vec![0], memory_locked: true, refused: vec![] };
+/// #     cpus: vec![0], memory_locked: true, cpu: Default::default(), refused: vec![] };
 /// # let (global, exercise) = (None, Exercise::default());
 /// # let idle = Quantiles::of(&meter.compute);
 /// let served = Served { passes, meter, global, exercise, window, obtained, stopped, fault };
@@ -229,9 +272,6 @@ impl Certificate {
         let block_ticks = meter.blocks().first().map_or(0, |block| block.ticks);
         let whole = meter.blocks().iter().filter(|block| block.ticks == block_ticks);
         let maxima_ns: Vec<u64> = whole.map(|block| block.response_max_ns).collect();
-        let maxima: Vec<f64> = maxima_ns.iter().map(|&ns| ns as f64).collect();
-        let independence = ljung_box(&maxima, LAGS);
-        let missed_blocks = meter.blocks().iter().filter(|block| block.misses > 0).count() as u64;
         Self {
             version: env!("CARGO_PKG_VERSION"),
             identity: around.identity,
@@ -260,13 +300,7 @@ impl Certificate {
                 cut_short.into_iter().collect(),
             ),
             global: global.as_ref().map(|global| global_part(global, window)),
-            miss_rate: MissRate {
-                ticks: RateBound::of(meter.missed() + meter.skipped(), meter.ticks() + meter.skipped(), Trials::Ticks),
-                blocks: RateBound::of(missed_blocks, meter.blocks().len() as u64, Trials::Blocks),
-                block_ticks,
-                untested: independence.as_ref().err().map(Untested::to_string),
-                independence: independence.ok(),
-            },
+            miss_rate: MissRate::of(meter, &maxima_ns, block_ticks),
             extrapolation: Tail::of_block_maxima(&maxima_ns, block_ticks),
             consequences: around.consequences,
             settings: obtained.clone(),
