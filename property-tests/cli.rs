@@ -7,6 +7,7 @@ mod printed;
 #[cfg(all(feature = "realtime", target_os = "linux"))]
 mod recordings;
 mod report;
+mod result_files;
 
 use std::collections::HashSet;
 use std::fs;

@@ -8,7 +8,7 @@ use comfy_table::{Table, presets::UTF8_FULL_CONDENSED};
 use serde::Serialize;
 
 use super::progress::Progress;
-use super::terminal::{hand_out, say, wants_json};
+use super::terminal::{complain, hand_out, say, wants_json};
 use super::{FAIL, PASS, load, time};
 use crate::output::files::{WriteError, write_json};
 use crate::scene::{SHIPPED, Scene, SceneError};
@@ -192,7 +192,7 @@ fn accept_results(scene: &Path, reason: &str, folder: Option<&Path>) -> miette::
     drop(progress);
     if let Some((quantity, tick)) = results.not_finite() {
         let place = tick.map_or(String::new(), |tick| format!(" at tick {tick}"));
-        eprintln!("{}: {quantity} is not finite{place}; the results are not accepted", scene.name);
+        complain(format_args!("{}: {quantity} is not finite{place}; the results are not accepted", scene.name));
         return Ok(FAIL);
     }
     let present = Store::Folder(folder.to_owned()).load(&scene.name);

@@ -1,23 +1,31 @@
-//! Ctrl-C: ends a loop in real time at its next tick and keeps the ticks done.
+//! Ctrl-C and requests to end: they leave no half-written file. A loop in real time ends at its next tick and keeps the ticks done.
 
-use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use miette::{IntoDiagnostic, WrapErr};
+use crate::output::folder::remove_unfinished;
+
+/// Exit code of a program that a signal ended, as shells give it for Ctrl-C.
+const INTERRUPTED: i32 = 130;
 
 static STOP: AtomicBool = AtomicBool::new(false);
-static HANDLER: Once = Once::new();
+static ENDS_BY_ITSELF: AtomicBool = AtomicBool::new(false);
 
-/// Returns the flag that the first Ctrl-C sets. The second one ends the program at once.
-pub fn flag() -> miette::Result<&'static AtomicBool> {
-    let mut installed = Ok(());
-    HANDLER.call_once(|| {
-        installed = ctrlc::set_handler(|| {
-            if STOP.swap(true, Ordering::Relaxed) {
-                std::process::exit(130);
-            }
-        });
+/// Listens for signals, once per process.
+pub fn listen() {
+    // Where another part of the process listens already, it decides.
+    let _ = ctrlc::set_handler(|| {
+        let is_first = !STOP.swap(true, Ordering::Relaxed);
+        if !(is_first && ENDS_BY_ITSELF.load(Ordering::Relaxed)) {
+            remove_unfinished();
+            std::process::exit(INTERRUPTED);
+        }
     });
-    installed.into_diagnostic().wrap_err("cannot listen for Ctrl-C")?;
-    Ok(&STOP)
+}
+
+/// Returns the flag that the first signal sets, for work that looks at it and ends by itself. The second signal ends the program at
+/// once.
+#[cfg(all(feature = "realtime", target_os = "linux"))]
+pub fn flag() -> &'static AtomicBool {
+    ENDS_BY_ITSELF.store(true, Ordering::Relaxed);
+    &STOP
 }

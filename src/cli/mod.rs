@@ -5,8 +5,8 @@ mod accuracy;
 #[cfg(all(feature = "realtime", target_os = "linux"))]
 mod certify;
 mod check;
+mod diagnostic;
 mod explain;
-#[cfg(all(feature = "realtime", target_os = "linux"))]
 mod interrupt;
 mod manual;
 mod page;
@@ -25,12 +25,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use miette::{Diagnostic, MietteHandlerOpts, Report, ReportHandler};
-use textwrap::WordSplitter;
+use miette::Report;
 
 use self::report::ReportArguments;
-use self::terminal::{Asked, say};
+use self::terminal::{Asked, complain, say};
 use crate::output::files::{RunFilesError, WriteError};
+use crate::output::folder::ResultFolder;
 use crate::scene::{Expectation, SHIPPED, Scene, SceneError, Warning};
 use crate::verify::accept::AcceptError;
 
@@ -193,8 +193,9 @@ fn after_help() -> String {
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let Arguments { command, asked } = Arguments::parse_from(arguments);
     terminal::ask(asked);
+    interrupt::listen();
     // It can be set once in a process; whoever has set another keeps it.
-    let _ = miette::set_hook(Box::new(layout));
+    let _ = miette::set_hook(Box::new(diagnostic::layout));
     let done = match command.unwrap_or_else(|| Command::Report(ReportArguments::default())) {
         Command::Report(arguments) => report::report(&arguments),
         Command::Run(arguments) => run::run(&arguments),
@@ -211,21 +212,13 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     match done {
         Ok(code) => ExitCode::from(code),
         Err(error) => {
-            eprintln!("{error:?}");
+            complain(format_args!("{error:?}"));
             if let Some(option) = option(&error) {
-                eprintln!("{option}");
+                complain(option);
             }
             ExitCode::from(USAGE)
         }
     }
-}
-
-/// Lays out an error. Names with hyphens stay whole, so that they can be copied, and a cause that the message has told is
-/// not repeated.
-fn layout(error: &(dyn Diagnostic + 'static)) -> Box<dyn ReportHandler> {
-    let options = MietteHandlerOpts::new().word_splitter(WordSplitter::NoHyphenation);
-    let is_told = error.source().is_some_and(|cause| error.to_string().contains(&cause.to_string()));
-    Box::new(if is_told { options.without_cause_chain() } else { options }.build())
 }
 
 /// Returns which option of the command line the advice on an error is about; the library knows none.
@@ -246,7 +239,7 @@ fn load(scene: &Path) -> Result<Scene, SceneError> {
 /// Prints warnings on standard error.
 fn warn(warnings: &[Warning]) {
     for warning in warnings {
-        eprintln!("Warning: {warning}");
+        complain(format_args!("Warning: {}", diagnostic::printable(&warning.message)));
     }
 }
 
@@ -259,12 +252,10 @@ fn read(scene: &Path) -> Result<(Scene, Option<Expectation>), SceneError> {
     }
 }
 
-/// Returns the output folder: the one given, or else one named after the scene. Creates it, so that nothing is computed
-/// that could not be written.
-fn folder(out: Option<PathBuf>, scene: &Scene) -> Result<PathBuf, WriteError> {
-    let out = out.unwrap_or_else(|| Path::new("reports").join(&scene.name));
-    match std::fs::create_dir_all(&out) {
-        Ok(()) => Ok(out),
-        Err(source) => Err(WriteError { path: out, source }),
-    }
+/// Takes the output folder: the one given, or else one named after the scene. Creates it, so that nothing is computed that could not be
+/// written, and removes the files by which an earlier result is complete.
+fn folder(out: Option<PathBuf>, scene: &Scene, conclusions: &[&str]) -> Result<ResultFolder, WriteError> {
+    let folder = ResultFolder::take(&out.unwrap_or_else(|| Path::new("reports").join(&scene.name)))?;
+    folder.clear(conclusions)?;
+    Ok(folder)
 }

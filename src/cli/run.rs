@@ -1,17 +1,19 @@
 //! `stickslip run`: one scene, its files and its outcome.
 
+use std::cell::RefCell;
 use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 
 use super::progress::Progress;
-use super::terminal::{hand_out, say};
-use super::{FAIL, INCONCLUSIVE, PASS, folder, read, table, warn};
+use super::terminal::{complain, hand_out, say};
+use super::{FAIL, INCONCLUSIVE, PASS, read, table, warn};
 use crate::local::model::Linearization;
 use crate::model::springs::TangentKind;
 use crate::multirate::failsafe::FaultCause;
-use crate::output::files::{FinishedRun, write_run};
+use crate::output::files::{FinishedRun, WriteError, write_run};
+use crate::output::folder::ResultFolder;
 use crate::output::time_steps::TimeSteps;
 use crate::output::verdict::Verdict;
 use crate::output::vtk::VtkWriter;
@@ -40,22 +42,12 @@ pub struct RunArguments {
 pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
     let (scene, _) = read(&arguments.scene)?;
     let out = arguments.out.clone().unwrap_or_else(|| Path::new("reports").join(&scene.name));
-    // A folder is created only for a scene that can start.
-    let mut frames = match arguments.vtk {
-        Some(ticks) => {
-            Simulation::prepare(&scene)?;
-            Some(VtkWriter::new(&folder(Some(out.clone()), &scene)?, ticks.get())?)
-        }
-        None => None,
-    };
     let mut progress = Progress::new(scene.tick_count(), "ticks");
     progress.begin(&scene.name);
-    let (finished, is_same) = execute(&scene, &out, warn, |view| {
-        frames.iter_mut().for_each(|frames| frames.record(view));
-        progress.set(view.tick + 1);
-    })?;
+    let every_ticks = arguments.vtk.map(NonZeroU64::get);
+    let Executed { finished, is_same, frames } =
+        execute(&scene, &out, every_ticks, warn, |view| progress.set(view.tick + 1))?;
     drop(progress);
-    let frames = frames.map(VtkWriter::finish).transpose()?;
     let verdict = &finished.summary.verdict;
     hand_out(&finished.summary)?;
     say(table::runs([(&finished.summary, verdict.cell())]))?;
@@ -67,11 +59,11 @@ pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
         say(counts)?;
     }
     if verdict.verdict != Verdict::Pass {
-        eprintln!("{}: {}", verdict.verdict.name(), verdict.reasons.join("; "));
+        complain(format_args!("{}: {}", verdict.verdict.name(), verdict.reasons.join("; ")));
     }
     match finished.fault.map(|fault| fault.cause) {
-        Some(FaultCause::Runaway { .. }) => eprintln!("{}", runaway_advice(&scene)),
-        Some(FaultCause::PatchFolded { .. }) => eprintln!("{FOLDED_ADVICE}"),
+        Some(FaultCause::Runaway { .. }) => complain(runaway_advice(&scene)),
+        Some(FaultCause::PatchFolded { .. }) => complain(FOLDED_ADVICE),
         _ => {}
     }
     Ok(match verdict.verdict {
@@ -106,67 +98,96 @@ fn runaway_advice(scene: &Scene) -> String {
     format!("The steps are within their stability limits at rest. Try {}", ways.join(", or "))
 }
 
-/// Runs a scene by its schedule and writes its files into a folder. Returns the run, and whether its repetition in
-/// virtual time commanded the same forces to the bit; true for a run that was in virtual time.
-///
-/// `announce` is given the warnings before the run.
+/// A run with its files.
+pub struct Executed {
+    pub finished: FinishedRun,
+    /// Whether the repetition of a run in real time commanded the same forces to the bit; true for a run in virtual time.
+    pub is_same: bool,
+    /// Number of frames for ParaView, if they were asked for.
+    pub frames: Option<usize>,
+}
+
+/// Runs a scene by its schedule and writes its files into a folder, which is created only for a scene that can start; frames for
+/// ParaView too, one in `every_ticks`. `announce` is given the warnings before the run.
 pub fn execute(
     scene: &Scene,
     out: &Path,
+    every_ticks: Option<u64>,
     announce: impl FnOnce(&[Warning]),
-    watch: impl FnMut(&TickView),
-) -> miette::Result<(FinishedRun, bool)> {
+    mut watch: impl FnMut(&TickView),
+) -> miette::Result<Executed> {
     let simulation = Simulation::prepare(scene)?;
     let foreseen = before_run(scene, &simulation, &TimeSteps::where_in_doubt(scene, &simulation));
     announce(&foreseen);
-    match scene.schedule {
+    let folder = ResultFolder::take(out)?;
+    folder.clear_frames()?;
+    // Taken when the run is over, before its summary is written.
+    let writer = RefCell::new(every_ticks.map(|ticks| VtkWriter::new(out, ticks)).transpose()?);
+    let mut frames = None;
+    let watch = |view: &TickView| {
+        writer.borrow_mut().iter_mut().for_each(|writer| writer.record(view));
+        watch(view);
+    };
+    let mut finish_frames = || -> Result<(), WriteError> {
+        frames = writer.take().map(VtkWriter::finish).transpose()?;
+        Ok(())
+    };
+    let (finished, is_same) = match scene.schedule {
         Schedule::Lockstep => {
             let run = |simulation: Simulation, observe: &mut dyn FnMut(&TickView)| simulation.run(observe).err();
-            Ok((write_run(scene, simulation, &foreseen, out, watch, run)?, true))
+            let finished = write_run(scene, simulation, &foreseen, &folder, watch, run, |_| finish_frames())?;
+            (finished, true)
         }
-        Schedule::Threads => real_time::execute(scene, &foreseen, out, watch),
-    }
+        Schedule::Threads => {
+            drop(simulation);
+            real_time::execute(scene, &foreseen, &folder, watch, finish_frames)?
+        }
+    };
+    Ok(Executed { finished, is_same, frames })
 }
 
 #[cfg(all(feature = "realtime", target_os = "linux"))]
 mod real_time {
-    use std::path::Path;
+    use std::cell::Cell;
 
     use super::super::interrupt;
     use super::super::terminal::say;
-    use crate::output::files::{FinishedRun, write_json, write_run};
-    use crate::pipeline::TickView;
-    use crate::realtime::record::{Quantiles, record};
+    use crate::output::files::{FinishedRun, WriteError, write_json, write_run};
+    use crate::output::folder::ResultFolder;
+    use crate::output::summary::Summary;
+    use crate::pipeline::{Simulation, TickView};
+    use crate::realtime::record::{Quantiles, Recorded, record};
     use crate::scene::{Scene, Warning};
     use crate::session::{ReplayOutcome, replay};
 
     pub fn execute(
         scene: &Scene,
         foreseen: &[Warning],
-        out: &Path,
+        folder: &ResultFolder,
         watch: impl FnMut(&TickView),
+        finish_frames: impl FnOnce() -> Result<(), WriteError>,
     ) -> miette::Result<(FinishedRun, bool)> {
-        let mut recorded = record(scene, interrupt::flag()?)?;
-        let session = &recorded.session;
+        let Recorded { session, mut summary, .. } = record(scene, interrupt::flag())?;
         let pass = session.passes.first().ok_or_else(|| miette::miette!("the loop recorded no pass"))?;
-        let mut replayed = ReplayOutcome::Same { fault: None };
-        let mut finished =
-            write_run(scene, session.prepare(scene, pass)?, foreseen, out, watch, |simulation, observe| {
-                replayed = replay(simulation, pass, observe);
-                match &replayed {
-                    ReplayOutcome::Same { fault } | ReplayOutcome::Ended { fault, .. } => fault.as_deref().copied(),
-                    ReplayOutcome::Differs { .. } => None,
-                }
-            })?;
-        let summary = &mut recorded.summary;
-        let is_same = matches!(replayed, ReplayOutcome::Same { .. });
-        summary.replayed = is_same;
-        write_json(&out.join("session.json"), session)?;
-        write_json(&out.join("timing.json"), summary)?;
-        if summary.stopped {
-            finished.summary = finished.summary.with(|summary| summary.completed = false);
-            write_json(&out.join("summary.json"), &finished.summary)?;
-        }
+        let replayed = Cell::new(false);
+        let repeat = |simulation: Simulation, observe: &mut dyn FnMut(&TickView)| {
+            let outcome = replay(simulation, pass, observe);
+            replayed.set(matches!(outcome, ReplayOutcome::Same { .. }));
+            match outcome {
+                ReplayOutcome::Same { fault } | ReplayOutcome::Ended { fault, .. } => fault.map(|fault| *fault),
+                ReplayOutcome::Differs { .. } => None,
+            }
+        };
+        let conclude = |of_run: &mut Summary| {
+            summary.replayed = replayed.get();
+            of_run.add_real_time(summary.replayed, summary.stopped);
+            write_json(&folder.path().join("session.json"), &session)?;
+            write_json(&folder.path().join("timing.json"), &summary)?;
+            finish_frames()
+        };
+        let simulation = session.prepare(scene, pass)?;
+        let finished = write_run(scene, simulation, foreseen, folder, watch, repeat, conclude)?;
+        let is_same = replayed.get();
         let Quantiles { p50, p99, max, .. } = summary.response_ns;
         say(format_args!(
             "real time under {}: response p50 {:.1} µs, p99 {:.1} µs, longest {:.1} µs; {} of {} ticks missed their \
@@ -194,17 +215,17 @@ mod real_time {
 
 #[cfg(not(all(feature = "realtime", target_os = "linux")))]
 mod real_time {
-    use std::path::Path;
-
-    use crate::output::files::FinishedRun;
+    use crate::output::files::{FinishedRun, WriteError};
+    use crate::output::folder::ResultFolder;
     use crate::pipeline::TickView;
     use crate::scene::{Scene, Warning};
 
     pub fn execute(
         _: &Scene,
         _: &[Warning],
-        _: &Path,
+        _: &ResultFolder,
         _: impl FnMut(&TickView),
+        _: impl FnOnce() -> Result<(), WriteError>,
     ) -> miette::Result<(FinishedRun, bool)> {
         Err(miette::miette!(
             help = "build with the feature `realtime` on Linux, or give `run.schedule = \"lockstep\"`",

@@ -78,7 +78,8 @@ struct ExtremeEntry {
 pub fn stability(scene: &Path, out: Option<PathBuf>) -> miette::Result<u8> {
     let scene = load(scene)?;
     Simulation::prepare(&scene)?;
-    let out = folder(out, &scene)?;
+    let folder = folder(out, &scene, &["stability.json", "index.html"])?;
+    let out = folder.path();
     let file = look(&scene, Coverage::All)?;
     write_json(&out.join("stability.json"), &file)?;
     let page = page::page(&format!("stickslip: stability of {}", scene.name), &section(&file)?);

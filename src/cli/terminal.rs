@@ -63,6 +63,12 @@ pub fn print(text: impl Display) -> miette::Result<()> {
     }
 }
 
+/// Prints a line on standard error. A message that nobody can receive changes no verdict, so that a closed or full standard error is
+/// no error.
+pub fn complain(text: impl Display) {
+    let _ = writeln!(std::io::stderr().lock(), "{text}");
+}
+
 /// Formats a number with four significant digits at most.
 pub fn significant(value: f64) -> String {
     let rounded: f64 = format!("{value:.3e}").parse().unwrap_or(value);

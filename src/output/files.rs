@@ -1,15 +1,14 @@
 //! Writers of a run's files. A file appears under its name only when it is complete.
 
-use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use miette::Diagnostic;
 use serde::Serialize;
-use tempfile::NamedTempFile;
 use thiserror::Error;
 
+use super::folder::{ResultFolder, WholeFile, sha256};
 use super::summary::{Recorder, Sample, Summary};
 use super::time_steps::TimeSteps;
 use super::trace::TraceRow;
@@ -45,6 +44,10 @@ pub enum RunFilesError {
     Write(#[from] WriteError),
 }
 
+/// Files of an earlier run that a new one removes: first its summary, without which a result is incomplete, and what this run may not
+/// write again.
+const OF_A_RUN: [&str; 6] = ["summary.json", "trace.csv", "network.json", "forces.svg", "session.json", "timing.json"];
+
 /// A run whose files are written.
 #[derive(Debug)]
 #[non_exhaustive]
@@ -78,25 +81,31 @@ pub struct FinishedRun {
 pub fn run_into(scene: &Scene, out: &Path, watch: impl FnMut(&TickView)) -> Result<FinishedRun, RunFilesError> {
     let simulation = Simulation::prepare(scene)?;
     let foreseen = before_run(scene, &simulation, &TimeSteps::where_in_doubt(scene, &simulation));
-    Ok(write_run(scene, simulation, &foreseen, out, watch, |simulation, observe| simulation.run(observe).err())?)
+    let folder = ResultFolder::take(out)?;
+    folder.clear_frames()?;
+    let drive = |simulation: Simulation, observe: &mut dyn FnMut(&TickView)| simulation.run(observe).err();
+    Ok(write_run(scene, simulation, &foreseen, &folder, watch, drive, |_| Ok(()))?)
 }
 
 /// Writes the files of a simulation that `drive` runs. `foreseen` are the warnings before the run. `drive` calls its second argument after every tick, and returns
-/// the fault if one ended the run.
+/// the fault if one ended the run. `conclude` writes what else belongs to the run, and may change the summary, which is written last.
 ///
 /// # Errors
 /// If a file cannot be written.
 ///
 /// ```
-/// use stickslip::{output::files::write_run, pipeline::{Lockstep, Simulation}, scene::Scene};
+/// use stickslip::output::{files::write_run, folder::ResultFolder};
+/// use stickslip::{pipeline::{Lockstep, Simulation, TickView}, scene::Scene};
 ///
 /// // The first tenth of a run.
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
 /// let folder = tempfile::tempdir()?;
-/// let run = write_run(&scene, Simulation::prepare(&scene)?, &[], folder.path(), |_| (), |simulation, mut observe| {
+/// let out = ResultFolder::take(folder.path())?;
+/// let first_tenth = |simulation, mut observe: &mut dyn FnMut(&TickView)| {
 ///     let mut run = Lockstep::new(simulation);
 ///     (0..120).try_for_each(|_| run.step().map(|view| view.iter().for_each(&mut observe))).err()
-/// })?;
+/// };
+/// let run = write_run(&scene, Simulation::prepare(&scene)?, &[], &out, |_| (), first_tenth, |_| Ok(()))?;
 /// assert_eq!((run.samples.len(), run.summary.ticks), (120, 120));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -104,20 +113,22 @@ pub fn write_run(
     scene: &Scene,
     simulation: Simulation,
     foreseen: &[Warning],
-    out: &Path,
+    folder: &ResultFolder,
     mut watch: impl FnMut(&TickView),
     drive: impl FnOnce(Simulation, &mut dyn FnMut(&TickView)) -> Option<Fault>,
+    conclude: impl FnOnce(&mut Summary) -> Result<(), WriteError>,
 ) -> Result<FinishedRun, WriteError> {
     let start = Instant::now();
     let failed = |path: &Path| {
         let path = path.to_owned();
         move |source| WriteError { path, source }
     };
-    fs::create_dir_all(out).map_err(failed(out))?;
+    let out = folder.path();
+    folder.clear(&OF_A_RUN)?;
     write_json(&out.join("network.json"), &NetworkFile::new(simulation.network(), simulation.surface()))?;
 
     let path = out.join("trace.csv");
-    let file = NamedTempFile::new_in(out).map_err(failed(&path))?;
+    let file = WholeFile::create(&path).map_err(failed(&path))?;
     let mut trace = csv::Writer::from_writer(BufWriter::new(file));
     let mut recorder = Recorder::default();
     let mut trouble = None;
@@ -135,17 +146,24 @@ pub fn write_run(
         None => trace.into_inner().map_err(|error| io::Error::other(error.to_string())),
     }
     .and_then(|writer| writer.into_inner().map_err(|error| error.into_error()))
-    .and_then(|file| keep(file, &path))
+    .and_then(WholeFile::finish)
     .map_err(failed(&path))?;
 
     let summary = recorder.summary(scene, fault.as_ref(), start.elapsed().as_secs_f64());
     let warnings = after_run(foreseen, summary.contact_ticks());
-    let summary = summary.with(|summary| summary.warnings = warnings);
+    let mut summary = summary.with(|summary| summary.warnings = warnings);
     #[cfg(feature = "plots")]
     {
         let path = out.join("forces.svg");
         let svg = super::figures::forces::forces(&scene.name, recorder.samples()).map_err(failed(&path))?;
         write_file(&path, svg.as_bytes())?;
+    }
+    conclude(&mut summary)?;
+    for name in OF_A_RUN {
+        let path = out.join(name);
+        if path.exists() {
+            summary.files.insert(name, sha256(&path).map_err(failed(&path))?);
+        }
     }
     write_json(&out.join("summary.json"), &summary)?;
     Ok(FinishedRun { summary, samples: recorder.samples().to_vec(), fault })
@@ -171,11 +189,10 @@ pub fn write_run(
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn write_file(path: &Path, content: &[u8]) -> Result<(), WriteError> {
-    let folder = path.parent().unwrap_or(Path::new("."));
     let write = || {
-        let mut file = NamedTempFile::new_in(folder)?;
+        let mut file = WholeFile::create(path)?;
         file.write_all(content)?;
-        keep(file, path)
+        file.finish()
     };
     write().map_err(|source| WriteError { path: path.to_owned(), source })
 }
@@ -189,17 +206,6 @@ pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), WriteError>
         .map_err(|error| WriteError { path: path.to_owned(), source: io::Error::other(error) })?;
     json.push(b'\n');
     write_file(path, &json)
-}
-
-/// Renames a complete temporary file to its path and makes it readable for all.
-fn keep(file: NamedTempFile, path: &Path) -> io::Result<()> {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        file.as_file().set_permissions(fs::Permissions::from_mode(0o644))?;
-    }
-    file.persist(path).map_err(|error| error.error)?;
-    Ok(())
 }
 
 /// Contents of `network.json`.

@@ -4,6 +4,7 @@ pub mod device_facts;
 #[cfg(feature = "plots")]
 pub mod figures;
 pub mod files;
+pub mod folder;
 pub mod frames;
 pub mod measures;
 pub mod spectrum;

@@ -1,5 +1,7 @@
 //! `summary.json`: the quantities of a run.
 
+use std::collections::BTreeMap;
+
 use serde::Serialize;
 
 use super::measures::ContactMeasures;
@@ -37,6 +39,13 @@ impl Summary {
     /// Returns the number of ticks in contact.
     pub fn contact_ticks(&self) -> u64 {
         self.ticks - self.mode_ticks.free
+    }
+
+    /// Adds how a run in real time ended, to the summary of its repetition in virtual time.
+    pub fn add_real_time(&mut self, is_reproduced: bool, is_stopped: bool) {
+        self.reproduced = Some(is_reproduced);
+        self.completed &= is_reproduced && !is_stopped;
+        self.verdict = RunVerdict::of(self, None, None);
     }
 
     /// Takes over what was learnt after the run: that it was stopped, warnings. The verdict follows.
@@ -217,6 +226,10 @@ pub struct Summary {
     pub version: &'static str,
     /// Whether the run reached its duration.
     pub completed: bool,
+    /// Of a run in real time: whether its repetition in virtual time, which the trace is of, commanded the same forces to
+    /// the bit. Absent in virtual time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reproduced: Option<bool>,
     /// The fault that ended it, if one did.
     pub fault: Option<String>,
     /// Verdict on the run, from what follows.
@@ -284,6 +297,8 @@ pub struct Summary {
     /// Quantities of the modelled device; absent without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<DeviceSummary>,
+    /// SHA-256 of every other file of the run, by its name: files that fit belong to this run, whatever else is in the folder.
+    pub files: BTreeMap<&'static str, String>,
     /// Wall-clock time of the run and its output, s.
     pub wall_time_s: f64,
 }
@@ -355,6 +370,7 @@ impl Recorder {
             scene: scene.name.clone(),
             version: env!("CARGO_PKG_VERSION"),
             completed: fault.is_none(),
+            reproduced: None,
             fault: fault.map(ToString::to_string),
             verdict: RunVerdict::nothing(),
             warnings: Vec::new(),
@@ -400,6 +416,7 @@ impl Recorder {
                 }
             }),
             device: self.device,
+            files: BTreeMap::new(),
             wall_time_s,
         };
         summary.with(|_| ())

@@ -94,13 +94,18 @@ impl RunVerdict {
         let mut found = |verdict, because, reason| findings.push(Finding { verdict, because, reason });
         use Verdict::{Fail, Inconclusive, Pass};
         let is_expected = expectation == Some(Expectation::Faults);
+        if summary.reproduced == Some(false) {
+            let reason = "the repetition in virtual time commands other forces than the run in real time: the trace is of the \
+                          repetition";
+            found(Fail, "not reproduced", reason.to_owned());
+        }
         match (&summary.fault, is_expected) {
             (Some(fault), true) => found(Pass, "fault, as expected", fault.clone()),
             (Some(fault), false) => found(Fail, "fault", fault.clone()),
             (None, true) => {
                 found(Fail, "no fault", "the run is expected to end in a fault and reached its end".to_owned())
             }
-            (None, false) if !summary.completed => {
+            (None, false) if !summary.completed && summary.reproduced != Some(false) => {
                 found(Inconclusive, "stopped", format!("the run was stopped after {} ticks", summary.ticks));
             }
             (None, false) => found(Pass, "completed", format!("no fault in {} ticks", summary.ticks)),

@@ -22,7 +22,7 @@ const VTK_LINE: u8 = 3;
 const VTK_TRIANGLE: u8 = 5;
 
 /// Folder of the frames, beside the `.pvd` files.
-const FRAMES: &str = "vtk";
+pub(super) const FRAMES: &str = "vtk";
 
 /// Writer of a run's frames.
 ///
@@ -217,6 +217,14 @@ fn document(kind: &str, body: &str) -> String {
 
 fn file_name(name: &str, frame: usize) -> String {
     format!("{FRAMES}/{name}-{frame:06}.vtu")
+}
+
+/// Returns whether a file is named like a frame.
+pub(super) fn is_frame(file: &str) -> bool {
+    let number = file
+        .strip_suffix(".vtu")
+        .and_then(|stem| ["network-", "instrument-"].iter().find_map(|name| stem.strip_prefix(name)));
+    number.is_some_and(|number| number.len() >= 6 && number.bytes().all(|byte| byte.is_ascii_digit()))
 }
 
 fn vectors(name: &str, values: &[Vec3]) -> String {

@@ -168,7 +168,8 @@ pub fn accuracy(arguments: &AccuracyArguments) -> miette::Result<u8> {
     let scene = load(&arguments.scene)?;
     let coverage = if arguments.all { Coverage::All } else { Coverage::Default };
     let grid = accuracy::grid(&scene, coverage)?;
-    let out = folder(arguments.out.clone(), &scene)?;
+    let folder = folder(arguments.out.clone(), &scene, &["accuracy.json", "index.html"])?;
+    let out = folder.path();
 
     let budget = Budget { tick_us: arguments.budget_us, cycle_ms: arguments.cycle_ms };
     let file = compare(&scene, grid, budget, PATIENCE)?;

@@ -71,8 +71,9 @@ enum LoadName {
 
 pub fn certify(arguments: &CertifyArguments) -> miette::Result<u8> {
     let scene = asked_for(arguments)?;
-    let out = folder(arguments.out.clone(), &scene)?;
-    let (certificate, _) = measure(&scene, arguments.duration, arguments.load, &out)?;
+    let folder = folder(arguments.out.clone(), &scene, &["certificate.json", "certificate.md", "session.json"])?;
+    let out = folder.path();
+    let (certificate, _) = measure(&scene, arguments.duration, arguments.load, out)?;
     hand_out(&certificate)?;
     say(page::words(&certificate))?;
     say(format_args!("certificate: {}", out.join("certificate.md").display()))?;
@@ -136,7 +137,7 @@ type Figures = Vec<(&'static str, String)>;
 
 /// Measures a scene's loop, repeats its longest ticks, reaches the verdicts, and writes all files into a folder.
 fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette::Result<(Certificate, Figures)> {
-    let stop = interrupt::flag()?;
+    let stop = interrupt::flag();
     let ticks = (duration_s / scene.tick_s()).round().max(1.0) as u64;
     let (passes, warm_up) = prepare(scene, ticks, stop)?;
     let settings = loop_settings(scene, &warm_up, true);

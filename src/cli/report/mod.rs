@@ -22,11 +22,12 @@ use self::surfaces::SurfaceEntry;
 use self::verdict::{Verdict, VerdictStatus};
 use super::accuracy::{self, AccuracyFile};
 use super::progress::Progress;
-use super::run::execute;
+use super::run::{Executed, execute};
 use super::stability::{self, StabilityFile};
 use super::terminal::{hand_out, say};
 use super::{FAIL, INCONCLUSIVE, PASS, page, read, table, warn};
 use crate::output::files::{write_file, write_json};
+use crate::output::folder::ResultFolder;
 use crate::output::frames::FrameRecorder;
 use crate::pipeline::Simulation;
 use crate::scene::{Expectation, SHIPPED, Scene, SceneError};
@@ -94,7 +95,10 @@ struct Studies {
 pub fn report(arguments: &ReportArguments) -> miette::Result<u8> {
     let ReportArguments { scenes, out, quick } = arguments;
     let is_whole = scenes.is_empty() && !quick;
-    let reported = run_all(&checked(scenes)?, out)?;
+    let scenes_checked = checked(scenes)?;
+    let folder = ResultFolder::take(out)?;
+    folder.clear(&OWN_FILES)?;
+    let reported = run_all(&scenes_checked, out)?;
     let studies = if is_whole { Some(Studies::make(out)?) } else { None };
     let elasticity = if scenes.is_empty() { Some(elasticity::compare(elasticity::cells(*quick))?) } else { None };
     let crosscheck = crosscheck::read();
@@ -185,12 +189,12 @@ fn run_all(scenes: &[(Scene, Option<Expectation>)], out: &Path) -> miette::Resul
     for (scene, expectation) in scenes {
         progress.begin(&scene.name);
         let mut recorder = FrameRecorder::new(scene, view::share(scenes.len()));
-        let (run, _) = execute(scene, &out.join(&scene.name), warn, |view| {
+        let Executed { finished, .. } = execute(scene, &out.join(&scene.name), None, warn, |view| {
             recorder.record(view);
             progress.set(view.tick + 1);
         })?;
         progress.end(scene.tick_count());
-        reported.push(Reported::new(scene, run, *expectation, recorder.finish())?);
+        reported.push(Reported::new(scene, finished, *expectation, recorder.finish())?);
     }
     Ok(reported)
 }
