@@ -71,6 +71,7 @@ pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
     drop(progress);
     let frames = frames.map(VtkWriter::finish).transpose()?;
     let outcome = match (finished.summary.completed, finished.summary.passes()) {
+        _ if finished.summary.reproduced == Some(false) => "not reproduced",
         (false, _) => "fault",
         (true, false) if finished.summary.patch_folded > 0 => "folded",
         (true, false) => "tunnelled",
@@ -147,10 +148,8 @@ mod real_time {
         summary.replayed = is_same;
         write_json(&out.join("session.json"), session)?;
         write_json(&out.join("timing.json"), summary)?;
-        if summary.stopped {
-            finished.summary.completed = false;
-            write_json(&out.join("summary.json"), &finished.summary)?;
-        }
+        finished.summary.add_real_time(is_same, summary.stopped);
+        write_json(&out.join("summary.json"), &finished.summary)?;
         let Quantiles { p50, p99, max, .. } = summary.response_ns;
         say(format_args!(
             "real time under {}: response p50 {:.1} µs, p99 {:.1} µs, longest {:.1} µs; {} of {} ticks missed their \

@@ -3,6 +3,7 @@
 
 use crate::Vec3;
 use crate::contact::law::Mode;
+use crate::multirate::timeline::DeadlineOutcome;
 use crate::pipeline::TickView;
 
 /// Depth of a free tip inside the surface, m, above which it has tunnelled. Smaller depths are round-off between two
@@ -107,21 +108,31 @@ impl ContactMeasures {
     }
 }
 
+/// Returns whether the contact saw the tip where it is now. In a skipped tick it moves on, unseen, until the next computed one.
+fn is_seen(view: &TickView) -> bool {
+    view.deadline_outcome != DeadlineOutcome::Skipped
+}
+
 /// Returns whether the tip is deep inside the surface while a contact under tension exerts no force. A surface that
 /// tears off recoils from the tip; if the tip is inside by more than a tenth of an edge, the patch has folded over it. A distance
-/// that is not a number counts as inside.
+/// that is not a number counts as inside. A skipped tick is never folded.
 pub fn is_folded(view: &TickView) -> bool {
     let (Mode::Free, Some(contact)) = (view.report.mode, view.local.contact()) else { return false };
     let shape = view.local.shape();
+    if !is_seen(view) {
+        return false;
+    }
     let [a, b, c] = shape.corners(contact.point.triangle);
     let edge = (b - a).norm().max((c - b).norm()).max((a - c).norm());
     !(shape.signed_distance(view.tip) >= -FOLDED * edge)
 }
 
 /// Returns whether the tip is inside the surface at the end of the tick with no force and no contact kept. A distance
-/// that is not a number counts as inside.
+/// that is not a number counts as inside. A skipped tick never tunnels: nothing was computed that could have missed the
+/// surface.
 pub fn is_tunnelling(view: &TickView) -> bool {
-    view.report.mode == Mode::Free
+    is_seen(view)
+        && view.report.mode == Mode::Free
         && view.local.contact().is_none()
         && !(view.local.shape().signed_distance(view.tip) >= -TUNNELLED_M)
 }

@@ -33,6 +33,12 @@ pub struct Sample {
 }
 
 impl Summary {
+    /// Adds how a run in real time ended, to the summary of its repetition in virtual time.
+    pub fn add_real_time(&mut self, is_reproduced: bool, is_stopped: bool) {
+        self.reproduced = Some(is_reproduced);
+        self.completed &= is_reproduced && !is_stopped;
+    }
+
     /// Returns whether the run passes: it reached its duration, the tip never tunnelled, and the patch never folded.
     pub fn passes(&self) -> bool {
         self.completed && self.tunnelling_ticks == 0 && self.patch_folded == 0
@@ -217,6 +223,10 @@ pub struct Summary {
     pub version: &'static str,
     /// Whether the run reached its duration.
     pub completed: bool,
+    /// Of a run in real time: whether its repetition in virtual time, which the trace is of, commanded the same forces to
+    /// the bit. If not, the trace did not happen, and the run does not count as completed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reproduced: Option<bool>,
     /// The fault that ended it, if one did.
     pub fault: Option<String>,
     /// Parts of the pipeline that the scene does not need.
@@ -351,6 +361,7 @@ impl Recorder {
             scene: scene.name.clone(),
             version: env!("CARGO_PKG_VERSION"),
             completed: fault.is_none(),
+            reproduced: None,
             fault: fault.map(ToString::to_string),
             left_out: scene.parts().iter().filter(|part| !part.needed).map(|part| part.to_string()).collect(),
             ticks: samples.len() as u64,
