@@ -4,18 +4,22 @@
 use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 
+use stickslip::contact::law::Mode;
 use stickslip::multirate::timeline::{Arrival, DeadlineOutcome, OverrunPolicy, RecordedTimes};
+use stickslip::multirate::trajectory::PathRecording;
 use stickslip::output::summary::ModeTicks;
-use stickslip::pipeline::Simulation;
+use stickslip::output::summary::Recorder;
+use stickslip::pipeline::{Sides, Simulation};
 use stickslip::realtime::allocations::{self, Counting};
 use stickslip::realtime::builder::GlobalTimes;
-use stickslip::realtime::channel::channel;
+use stickslip::realtime::channel::{ChannelSettings, channel};
 use stickslip::realtime::exercise::Exercise;
 use stickslip::realtime::machine::Machine;
 use stickslip::realtime::meter::{Meter, TickTimes};
+use stickslip::realtime::os;
 use stickslip::realtime::power::CpuSettings;
-use stickslip::realtime::record::{Quantiles, Recorded, record};
-use stickslip::realtime::threads::{Obtained, Served, Window};
+use stickslip::realtime::record::{Quantiles, Recorded, loop_settings, record};
+use stickslip::realtime::threads::{Obtained, Pass, Served, Window, serve};
 use stickslip::scene::Scene;
 use stickslip::session::{RecordedPass, ReplayOutcome, ReplayReason, Session, replay};
 use stickslip::verify::certificate::causes::MissCause;
@@ -413,21 +417,128 @@ fn misses_that_cluster_are_called_dependent() {
     assert!(none.untested.iter().any(|reason| reason.contains("0 events among 4000")), "{:?}", none.untested);
 }
 
+fn path(recording: Option<PathRecording>) -> ChannelSettings {
+    ChannelSettings { tick_s: 1e-3, ticks_per_cycle: 10, pass_ticks: 1200, recording }
+}
+
 #[test]
 fn a_ring_that_is_full_counts_what_it_loses_and_waits_for_nobody() {
     let simulation = Simulation::prepare(&scene("")).expect("it starts");
-    let keep = simulation.recording();
+    let settings = path(simulation.recording());
     let mut servo = simulation.into_sides().servo;
     let nodes = servo.local().model().patch.nodes.clone();
-    let (mut up, mut down) = channel(10, keep, &nodes);
+    let (mut up, mut down, _) = channel(settings, &nodes);
     up.begin_pass(0, &servo);
-    for _ in 0..500 {
+    for _ in 0..1100 {
         servo.tick(DeadlineOutcome::OnTime).expect("no fault");
         up.end_tick(&servo);
     }
     assert!(up.lost() > 0);
     // The notes that fitted come out in order, cycle by cycle.
-    let boundaries: Vec<u64> = std::iter::from_fn(|| down.next_cycle()).map(|(boundary, _)| boundary).collect();
-    assert!(boundaries.len() >= 4, "{boundaries:?}");
+    let boundaries: Vec<u64> = std::iter::from_fn(|| down.next_cycle()).map(|cycle| cycle.boundary).collect();
+    assert!(boundaries.len() >= 50, "{boundaries:?}");
     assert!((1..).zip(&boundaries).all(|(n, &boundary)| boundary == 10 * n), "{boundaries:?}");
+}
+
+/// A global side that builds no model for the whole run, 12 cycles, loses nothing of the path: it waits outside of the ring.
+#[test]
+fn a_global_side_that_is_cycles_late_loses_nothing() {
+    let simulation = Simulation::prepare(&scene("")).expect("it starts");
+    let settings = ChannelSettings { ticks_per_cycle: 100, ..path(simulation.recording()) };
+    let Sides { mut servo, mut global } = simulation.clone().into_sides();
+    let nodes = servo.local().model().patch.nodes.clone();
+    let (mut up, mut down, mut sender) = channel(settings, &nodes);
+    up.begin_pass(0, &servo);
+    let mut cycles = Vec::new();
+    for tick in 0..1200 {
+        if tick > 0 && tick % 100 == 0 {
+            up.begin_segment(&servo);
+        }
+        servo.tick(DeadlineOutcome::OnTime).expect("no fault");
+        up.end_tick(&servo);
+        cycles.extend(down.next_cycle());
+    }
+    assert_eq!((cycles.len(), up.lost()), (12, 0));
+    // The whole path brings the global side to where the servo side is.
+    let boundary = cycles.last().expect("a cycle").boundary;
+    let model = global.next_model(cycles.into_iter().map(|cycle| cycle.message), &mut |_| ());
+    let state = global.simulation().state();
+    let local = servo.local();
+    let patch = &local.model().patch.nodes;
+    assert!(patch.iter().zip(&local.state().x).all(|(&node, x)| state.x[node as usize] == *x));
+    sender.send(0, boundary, model);
+    assert_eq!(up.take_model(&mut servo), Ok(Some(1200)));
+}
+
+/// A pass is asked for when the one before it has begun: memory does not grow with their number.
+#[test]
+fn passes_are_prepared_one_ahead() {
+    let _turn = TURN.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    const TICKS: u64 = 50;
+    let scene = scene("");
+    let simulation = Simulation::prepare(&scene).expect("it starts");
+    let settings = loop_settings(&scene, &simulation, false);
+    let asked_ns = Mutex::new(Vec::new());
+    let passes = (0..4).map(|_| {
+        asked_ns.lock().expect("no panic").push(os::now_ns());
+        Pass::new(Simulation::prepare(&scene).expect("it starts"), TICKS, false)
+    });
+    let warm_up = simulation.into_sides().servo;
+    let served = serve(passes, 4 * TICKS, warm_up, settings, &AtomicBool::new(false)).expect("there are passes");
+    let numbers: Vec<(u32, u64)> = served.passes.iter().map(|pass| (pass.pass, pass.ticks)).collect();
+    assert_eq!(numbers, [0, 1, 2, 3].map(|pass| (pass, TICKS)));
+    assert_eq!(served.window.allocations, Some(0), "passes are exchanged without");
+    let asked_ns = asked_ns.into_inner().expect("no panic");
+    for pass in 2..4 {
+        // The pass before it begins after the last tick of the one before that, at its release at the earliest.
+        let begins_ns = served.window.begin_ns + ((pass - 1) * TICKS - 1) * 1_000_000;
+        assert!(asked_ns[pass as usize] >= begins_ns, "pass {pass}");
+    }
+    let first = |pass: &RecordedPass| again_of(&scene, pass);
+    assert!(served.passes.iter().all(|pass| first(pass) == ReplayOutcome::Same { fault: None }));
+}
+
+fn again_of(scene: &Scene, pass: &RecordedPass) -> ReplayOutcome {
+    let session = Session::new(scene, OverrunPolicy::Hold);
+    replay(session.prepare(scene, pass).expect("it starts"), pass, |_| ())
+}
+
+/// While a tick is skipped the tip moves on into the body, which nobody has seen yet.
+#[test]
+fn a_skipped_tick_does_not_tunnel() {
+    let text = Scene::shipped("fig5-stick-slip").expect("shipped").text().expect("it was read").to_owned();
+    let text = format!("{text}\n[timing]\ntick_cost = 0.0025\noverrun = \"skip\"\n");
+    let scene = Scene::parse(&text, "skip.toml".as_ref()).expect("a scene").with_ticks(200);
+    let mut recorder = Recorder::default();
+    let mut unseen = 0;
+    stickslip::run(&scene, |view| {
+        recorder.record(view);
+        let is_inside = view.local.shape().signed_distance(view.tip) < -1e-9;
+        let is_skipped = view.deadline_outcome == DeadlineOutcome::Skipped;
+        unseen +=
+            u32::from(is_skipped && is_inside && view.report.mode == Mode::Free && view.local.contact().is_none());
+    })
+    .expect("no fault");
+    let summary = recorder.summary(&scene, None, 0.0);
+    assert!(unseen > 0, "the tip goes in while no tick is computed");
+    assert_eq!(summary.tunnelling_ticks, 0);
+    assert!(summary.completed);
+}
+
+#[test]
+fn a_summary_says_that_its_trace_did_not_happen() {
+    let scene = scene("").with_ticks(20);
+    let mut recorder = Recorder::default();
+    stickslip::run(&scene, |view| recorder.record(view)).expect("no fault");
+    let summary = recorder.summary(&scene, None, 0.0);
+    let with = |is_reproduced, is_stopped| {
+        let mut summary = summary.clone();
+        summary.add_real_time(is_reproduced, is_stopped);
+        let json = serde_json::to_value(&summary).expect("it can be written");
+        (summary.passes(), json["completed"].clone(), json["reproduced"].clone())
+    };
+    assert_eq!(with(true, false), (true, true.into(), true.into()));
+    assert_eq!(with(false, false), (false, false.into(), false.into()));
+    assert_eq!(with(true, true), (false, false.into(), true.into()));
+    assert!(serde_json::to_value(&summary).expect("it can be written").get("reproduced").is_none());
 }

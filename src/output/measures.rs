@@ -3,6 +3,7 @@
 
 use crate::Vec3;
 use crate::contact::law::Mode;
+use crate::multirate::timeline::DeadlineOutcome;
 use crate::pipeline::TickView;
 
 /// Depth of a free tip inside the surface, m, above which it has tunnelled. Smaller depths are round-off between two
@@ -96,10 +97,17 @@ impl ContactMeasures {
     }
 }
 
+/// Returns whether the contact saw the tip where it is now. In a skipped tick it moves on, unseen, until the next computed one.
+fn is_seen(view: &TickView) -> bool {
+    view.deadline_outcome != DeadlineOutcome::Skipped
+}
+
 /// Returns whether the tip is inside the surface at the end of the tick with no force and no contact kept. A distance
-/// that is not a number counts as inside.
+/// that is not a number counts as inside. A skipped tick never tunnels: nothing was computed that could have missed the
+/// surface.
 pub fn is_tunnelling(view: &TickView) -> bool {
-    view.report.mode == Mode::Free
+    is_seen(view)
+        && view.report.mode == Mode::Free
         && view.local.contact().is_none()
         && !(view.local.shape().signed_distance(view.tip) >= -TUNNELLED_M)
 }

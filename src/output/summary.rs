@@ -227,7 +227,7 @@ pub struct Summary {
     /// Whether the run reached its duration.
     pub completed: bool,
     /// Of a run in real time: whether its repetition in virtual time, which the trace is of, commanded the same forces to
-    /// the bit. Absent in virtual time.
+    /// the bit. If not, the trace did not happen, and the run does not count as completed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reproduced: Option<bool>,
     /// The fault that ended it, if one did.

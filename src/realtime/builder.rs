@@ -1,9 +1,11 @@
-//! The global thread: it receives the cycles that have passed and sends the models that it builds from them.
+//! The global side's threads: one receives the cycles that have passed, the other builds models from them.
 
+use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender};
 use std::time::Duration;
 
-use super::channel::GlobalEnd;
+use super::channel::{Intake, ModelSender, PastCycle};
 use super::meter::Times;
 use super::os;
 use crate::multirate::global::GlobalSide;
@@ -109,40 +111,64 @@ impl GlobalTimes {
     }
 }
 
-/// Builds models until `done`; `sides` has the global side and the number of ticks of every pass.
+/// What comes to the global thread.
+pub(super) enum ToGlobal {
+    /// The global side of a pass of this many ticks, before all its cycles.
+    Side { pass: u32, side: Box<GlobalSide>, ticks: u64 },
+    /// A cycle that has passed.
+    Cycle(PastCycle),
+}
+
+/// Empties the ring until `done`, so that the path waits in memory of any size while the global side computes.
+pub(super) fn take_in(mut intake: Intake, queue: &Sender<ToGlobal>, idle: Duration, done: &AtomicBool) {
+    loop {
+        let is_done = done.load(Ordering::Acquire);
+        while let Some(cycle) = intake.next_cycle() {
+            if queue.send(ToGlobal::Cycle(cycle)).is_err() {
+                return;
+            }
+        }
+        if is_done {
+            return;
+        }
+        std::thread::sleep(idle);
+    }
+}
+
+/// Builds models until `done`: one from all cycles of the newest pass that have come meanwhile.
 pub(super) fn build_models(
-    mut end: GlobalEnd,
-    mut sides: Vec<(Option<GlobalSide>, u64)>,
-    first_patches: &[Vec<u32>],
-    idle: Duration,
+    queue: &Receiver<ToGlobal>,
+    mut sender: ModelSender,
     done: &AtomicBool,
     mut times: GlobalTimes,
 ) -> GlobalTimes {
-    let mut pass = 0;
-    loop {
-        if let Some(waiting) = end.pass_waiting()
-            && waiting != pass
-        {
-            pass = waiting;
-            end.begin_pass(pass, first_patches.get(pass as usize).map_or(&[][..], Vec::as_slice));
-        }
+    let mut sides: VecDeque<(u32, Box<GlobalSide>, u64)> = VecDeque::new();
+    while let Ok(first) = queue.recv() {
         let (wall_ns, cpu_ns) = (os::now_ns(), os::thread_cpu_ns());
-        let mut passed = Vec::new();
-        let mut boundary = 0;
-        while let Some((tick, cycle)) = end.next_cycle() {
-            boundary = tick;
-            passed.push(cycle);
-        }
-        let is_over = end.pass_waiting().is_some_and(|waiting| waiting != pass);
-        match sides.get_mut(pass as usize) {
-            Some((Some(side), ticks)) if !passed.is_empty() && boundary < *ticks && !is_over => {
-                let cycles = passed.len() as u64;
-                let model = side.next_model(passed, &mut |_| ());
-                end.send(boundary, model);
-                times.record(os::now_ns() - wall_ns, os::thread_cpu_ns() - cpu_ns, cycles);
+        let mut passed: Vec<PastCycle> = Vec::new();
+        for message in std::iter::once(first).chain(queue.try_iter()) {
+            match message {
+                ToGlobal::Side { pass, side, ticks } => sides.push_back((pass, side, ticks)),
+                ToGlobal::Cycle(cycle) => {
+                    // A pass that is over needs no model.
+                    passed.retain(|earlier| earlier.pass == cycle.pass);
+                    passed.push(cycle);
+                }
             }
-            _ if done.load(Ordering::Acquire) => return times,
-            _ => std::thread::sleep(idle),
+        }
+        if done.load(Ordering::Acquire) {
+            break;
+        }
+        let Some(&PastCycle { pass, boundary, .. }) = passed.last() else { continue };
+        sides.retain(|(of, _, _)| *of >= pass);
+        if let Some((_, side, ticks)) = sides.front_mut().filter(|(of, _, _)| *of == pass)
+            && boundary < *ticks
+        {
+            let cycles = passed.len() as u64;
+            let model = side.next_model(passed.into_iter().map(|cycle| cycle.message), &mut |_| ());
+            sender.send(pass, boundary, model);
+            times.record(os::now_ns() - wall_ns, os::thread_cpu_ns() - cpu_ns, cycles);
         }
     }
+    times
 }

@@ -1,7 +1,9 @@
-//! The channel between servo thread and global thread: models one way, the patch's path the other. Neither side ever
-//! waits for the other: a model lies in one of three buffers, the path goes through a ring.
+//! The channel between servo thread and global side: models one way, the patch's path the other. Neither side ever
+//! waits for the other: a model lies in one of three buffers, the path goes through a ring. A thread of its own empties the
+//! ring ([`Intake`]), so that a global side that computes for many cycles loses nothing of the path.
 
 use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 use triple_buffer::{Input, Output, TripleBuffer};
@@ -13,8 +15,10 @@ use crate::multirate::messages::{CycleMessage, ModelMessage};
 use crate::multirate::servo::Servo;
 use crate::multirate::trajectory::{PathRecording, Trajectory};
 
-/// Number of cycles of the patch's path that fit into the ring.
-const CYCLES_IN_RING: usize = 4;
+/// Time for which the path fits into the ring, s: far longer than a thread of high priority waits for a CPU.
+const RING_S: f64 = 0.5;
+/// Least and largest number of ticks that fit into the ring.
+const RING_TICKS: [f64; 2] = [64.0, 4096.0];
 /// Largest number of nodes of a later patch, as a multiple of the first patch's.
 const PATCH_GROWTH: usize = 4;
 
@@ -63,32 +67,76 @@ pub struct ServoEnd {
     lost: u64,
 }
 
-/// The global thread's end of the channel.
-pub struct GlobalEnd {
+/// What the path of the patch needs of a channel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ChannelSettings {
+    /// Local tick h, s.
+    pub tick_s: f64,
+    /// Number of ticks in a global cycle.
+    pub ticks_per_cycle: u64,
+    /// Number of ticks in a pass.
+    pub pass_ticks: u64,
+    /// The part of the patch's path that is sent; without it, the servo thread sends nothing.
+    pub recording: Option<PathRecording>,
+}
+
+impl ChannelSettings {
+    /// Returns the number of ticks whose path fits into the ring.
+    pub fn ring_ticks(&self) -> usize {
+        let [least, largest] = RING_TICKS;
+        (RING_S / self.tick_s).clamp(least, largest) as usize
+    }
+}
+
+/// A cycle that has passed.
+#[derive(Debug)]
+pub struct PastCycle {
+    /// Number of the pass.
+    pub pass: u32,
+    /// The tick at its end.
+    pub boundary: u64,
+    /// What the global side needs of it.
+    pub message: CycleMessage,
+}
+
+/// Nodes of every model that may still be in use, with the pass and the boundary that it was built in and from.
+type NodesInUse = Arc<Mutex<VecDeque<(u32, u64, Vec<u32>)>>>;
+
+/// The end of the channel that receives the path.
+pub struct Intake {
     notes: Consumer<Note>,
     values: Consumer<Vec3>,
-    models: Input<Slot>,
-    ticks_per_cycle: u64,
+    settings: ChannelSettings,
     recording: PathRecording,
     pass: u32,
-    /// Nodes of every model that may still be in use, with the boundary it was built from.
-    nodes: VecDeque<(u64, Vec<u32>)>,
+    first_nodes: Vec<u32>,
+    nodes: NodesInUse,
     trajectory: Trajectory,
     x: Vec<Vec3>,
     v: Vec<Vec3>,
 }
 
-/// Builds both ends for cycles of this many ticks and a first model of these nodes. Without a recording, the servo
-/// thread sends nothing.
+/// The end of the channel that sends models.
+pub struct ModelSender {
+    models: Input<Slot>,
+    nodes: NodesInUse,
+}
+
+/// Builds the ends of a channel for passes that all begin with a model of these nodes.
 ///
 /// ```
-/// use stickslip::{multirate::timeline::DeadlineOutcome, pipeline::{Sides, Simulation}, realtime::channel::channel, scene::Scene};
+/// use stickslip::multirate::timeline::DeadlineOutcome;
+/// use stickslip::pipeline::{Sides, Simulation};
+/// use stickslip::realtime::channel::{ChannelSettings, channel};
+/// use stickslip::scene::Scene;
 ///
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
 /// let simulation = Simulation::prepare(&scene)?;
 /// let recording = simulation.recording();
 /// let Sides { mut servo, mut global } = simulation.into_sides();
-/// let (mut servo_end, mut global_end) = channel(100, recording, &servo.local().model().patch.nodes);
+/// let settings = ChannelSettings { tick_s: 1e-3, ticks_per_cycle: 100, pass_ticks: 1200, recording };
+/// assert_eq!(settings.ring_ticks(), 500);
+/// let (mut servo_end, mut intake, mut sender) = channel(settings, &servo.local().model().patch.nodes);
 ///
 /// // The servo thread sends the path of one cycle, tick by tick.
 /// servo_end.begin_pass(0, &servo);
@@ -96,24 +144,22 @@ pub struct GlobalEnd {
 ///     servo.tick(DeadlineOutcome::OnTime)?;
 ///     servo_end.end_tick(&servo);
 /// }
-/// assert_eq!(global_end.pass_waiting(), Some(0));
-/// let (boundary, cycle) = global_end.next_cycle().expect("a whole cycle has come up");
-/// assert_eq!((boundary, cycle.tip, servo_end.lost()), (100, servo.tip(), 0));
+/// let cycle = intake.next_cycle().expect("a whole cycle has come up");
+/// assert_eq!((cycle.pass, cycle.boundary, cycle.message.tip, servo_end.lost()), (0, 100, servo.tip(), 0));
 ///
 /// // The global thread sends the model that is built from it.
-/// global_end.send(boundary, global.next_model([cycle], &mut |_| ()));
+/// sender.send(0, cycle.boundary, global.next_model([cycle.message], &mut |_| ()));
 /// assert_eq!(servo_end.take_model(&mut servo), Ok(Some(100)));
 /// servo_end.begin_segment(&servo);
 /// assert_eq!(servo.local().model_age(), 0);
 /// assert_eq!(servo_end.take_model(&mut servo), Ok(None)); // each model is taken once
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub fn channel(ticks_per_cycle: u64, recording: Option<PathRecording>, first_nodes: &[u32]) -> (ServoEnd, GlobalEnd) {
+pub fn channel(settings: ChannelSettings, first_nodes: &[u32]) -> (ServoEnd, Intake, ModelSender) {
+    let ring_ticks = settings.ring_ticks();
     // Every tick may also begin a segment.
-    let records = 2 * CYCLES_IN_RING * ticks_per_cycle as usize;
-    let (notes_up, notes) = RingBuffer::new(records);
-    let (values_up, values) =
-        RingBuffer::new(CYCLES_IN_RING * ticks_per_cycle as usize * 2 * PATCH_GROWTH * first_nodes.len());
+    let (notes_up, notes) = RingBuffer::new(2 * ring_ticks);
+    let (values_up, values) = RingBuffer::new(ring_ticks * 2 * PATCH_GROWTH * first_nodes.len());
     let (models, models_down) = TripleBuffer::default().split();
     let servo = ServoEnd {
         notes: notes_up,
@@ -121,24 +167,25 @@ pub fn channel(ticks_per_cycle: u64, recording: Option<PathRecording>, first_nod
         models: models_down,
         pass: 0,
         from: 0,
-        is_open: recording.is_some(),
+        is_open: settings.recording.is_some(),
         lost: 0,
     };
-    let recording = recording.unwrap_or(PathRecording::LastTick);
-    let mut global = GlobalEnd {
+    let recording = settings.recording.unwrap_or(PathRecording::LastTick);
+    let nodes = NodesInUse::default();
+    let mut intake = Intake {
         notes,
         values,
-        models,
-        ticks_per_cycle,
+        settings,
         recording,
         pass: 0,
-        nodes: VecDeque::new(),
+        first_nodes: first_nodes.to_vec(),
+        nodes: nodes.clone(),
         trajectory: Trajectory::new(recording),
         x: Vec::new(),
         v: Vec::new(),
     };
-    global.begin_pass(0, first_nodes);
-    (servo, global)
+    intake.begin_pass(0);
+    (servo, intake, ModelSender { models, nodes })
 }
 
 impl ServoEnd {
@@ -182,8 +229,8 @@ impl ServoEnd {
         self.note(Kind::Tick, servo, servo.next_tick() - 1);
     }
 
-    /// Returns the number of notes lost because the global side was cycles too late and the ring was full. The path
-    /// that it received is then incomplete.
+    /// Returns the number of notes lost because the ring was full: the thread that empties it did not run for half a
+    /// second. The path that the global side received is then incomplete.
     pub fn lost(&self) -> u64 {
         self.lost
     }
@@ -215,59 +262,46 @@ impl ServoEnd {
     }
 }
 
-impl GlobalEnd {
-    /// Begins a pass with its first model.
-    pub fn begin_pass(&mut self, pass: u32, nodes: &[u32]) {
+impl Intake {
+    fn begin_pass(&mut self, pass: u32) {
         self.pass = pass;
-        self.nodes.clear();
-        self.nodes.push_back((0, nodes.to_vec()));
+        let mut nodes = self.nodes.lock().unwrap_or_else(PoisonError::into_inner);
+        nodes.retain(|(of, _, _)| *of >= pass);
+        nodes.push_front((pass, 0, self.first_nodes.clone()));
         self.trajectory = Trajectory::new(self.recording);
     }
 
-    /// Returns the pass of the oldest note that waits.
-    pub fn pass_waiting(&self) -> Option<u32> {
-        self.notes.peek().ok().map(|note| note.pass)
-    }
-
-    /// Reads what has arrived of this pass, to the end of a cycle at most. Returns the boundary there, and the cycle
-    /// before it.
-    pub fn next_cycle(&mut self) -> Option<(u64, CycleMessage)> {
-        while self.pass_waiting() == Some(self.pass) {
-            let note = self.notes.pop().ok()?;
+    /// Reads what has arrived, to the end of a cycle at most, and returns the cycle.
+    pub fn next_cycle(&mut self) -> Option<PastCycle> {
+        let ticks_per_cycle = self.settings.ticks_per_cycle;
+        while let Ok(note) = self.notes.pop() {
+            if note.pass != self.pass {
+                self.begin_pass(note.pass);
+            }
             self.take_values(note.m as usize);
-            let tick_in_cycle = note.tick % self.ticks_per_cycle;
+            let tick_in_cycle = note.tick % ticks_per_cycle;
             match note.kind {
                 Kind::Begin => {
-                    let nodes = self.nodes.iter().find(|(from, _)| *from == note.from).map(|(_, nodes)| nodes);
-                    let ticks = (self.ticks_per_cycle - tick_in_cycle) as usize;
-                    let nodes = nodes.map_or(&[][..], Vec::as_slice);
-                    self.trajectory.begin_at(nodes, &self.x, &self.v, tick_in_cycle as usize, ticks);
+                    let ticks = (ticks_per_cycle - tick_in_cycle).min(self.settings.pass_ticks);
+                    let mut nodes = self.nodes.lock().unwrap_or_else(PoisonError::into_inner);
+                    // Models come into use in the order in which they were built.
+                    while nodes.front().is_some_and(|(pass, from, _)| (*pass, *from) < (note.pass, note.from)) {
+                        nodes.pop_front();
+                    }
+                    let nodes = nodes.front().map_or(&[][..], |(_, _, nodes)| nodes);
+                    self.trajectory.begin_at(nodes, &self.x, &self.v, tick_in_cycle as usize, ticks as usize);
                 }
                 Kind::Tick => {
                     self.trajectory.record_at(&self.x, &self.v);
-                    if tick_in_cycle + 1 == self.ticks_per_cycle {
+                    if tick_in_cycle + 1 == ticks_per_cycle {
                         let trajectory = std::mem::replace(&mut self.trajectory, Trajectory::new(self.recording));
                         let message = CycleMessage { trajectory, contact: note.contact, tip: note.tip };
-                        return Some((note.tick + 1, message));
+                        return Some(PastCycle { pass: note.pass, boundary: note.tick + 1, message });
                     }
                 }
             }
         }
         None
-    }
-
-    /// Sends a model, or the cause why there is none.
-    pub fn send(&mut self, from: u64, content: Result<ModelMessage, FaultCause>) {
-        if let Ok(message) = &content {
-            self.nodes.push_back((from, message.model.patch.nodes.clone()));
-            // One model may be in use, and one in each buffer.
-            while self.nodes.len() > 4 {
-                self.nodes.pop_front();
-            }
-        }
-        // The buffer holds an old model that came back: it is freed here, not on the servo thread.
-        *self.models.input_buffer_mut() = Slot { pass: self.pass, from, content: Some(content) };
-        self.models.publish();
     }
 
     fn take_values(&mut self, m: usize) {
@@ -277,5 +311,18 @@ impl GlobalEnd {
             let complete = self.values.pop_entire_slice(values).is_ok();
             debug_assert!(complete, "a note without its values");
         }
+    }
+}
+
+impl ModelSender {
+    /// Sends the model that was built from a boundary of a pass, or the cause why there is none.
+    pub fn send(&mut self, pass: u32, from: u64, content: Result<ModelMessage, FaultCause>) {
+        if let Ok(message) = &content {
+            let nodes = message.model.patch.nodes.clone();
+            self.nodes.lock().unwrap_or_else(PoisonError::into_inner).push_back((pass, from, nodes));
+        }
+        // The buffer holds an old model that came back: it is freed here, not on the servo thread.
+        *self.models.input_buffer_mut() = Slot { pass, from, content: Some(content) };
+        self.models.publish();
     }
 }

@@ -3,7 +3,8 @@
 //!
 //! Once its window has begun, the servo thread allocates nothing, locks nothing and makes no system call but the clock
 //! and the sleep; only after a deadline miss does it read its own counters. Models reach it through a triple buffer,
-//! the patch's path leaves through a ring ([`channel`]); neither ever makes it wait.
+//! the patch's path leaves through a ring ([`channel`]); neither ever makes it wait. Passes are prepared and freed on
+//! another thread.
 
 pub mod allocations;
 pub mod builder;
@@ -15,4 +16,5 @@ pub mod meter;
 pub mod os;
 pub mod power;
 pub mod record;
+mod supply;
 pub mod threads;

@@ -11,7 +11,7 @@ use super::threads::{LoopSettings, NotServed, Obtained, Pass, Served, Window, se
 use crate::multirate::timeline::OverrunPolicy;
 use crate::pipeline::Simulation;
 use crate::scene::{Scene, SceneError};
-use crate::session::{RecordedPass, Session};
+use crate::session::Session;
 
 /// Quantiles of a time, ns.
 ///
@@ -117,18 +117,6 @@ pub fn loop_settings(scene: &Scene, simulation: &Simulation, control: bool) -> L
     }
 }
 
-/// Converts a completed pass to its recording.
-pub fn recorded_pass(number: u32, pass: Pass) -> RecordedPass {
-    RecordedPass {
-        pass: number,
-        ticks: pass.ticks_done(),
-        fault: pass.fault.map(|fault| fault.to_string()),
-        times: pass.times,
-        checksum: pass.checksum.text(),
-        tape: pass.tape,
-    }
-}
-
 /// A reason why there is no recording.
 #[derive(Debug, Error, Diagnostic)]
 pub enum RecordError {
@@ -164,9 +152,8 @@ pub fn record(scene: &Scene, stop: &AtomicBool) -> Result<Recorded, RecordError>
     let warm_up = simulation.clone().into_sides().servo;
     let settings = loop_settings(scene, &simulation, false);
     let pass = Pass::new(simulation, scene.tick_count(), true);
-    let mut served = serve(vec![pass], warm_up, settings, stop)?;
+    let mut served = serve([pass], scene.tick_count(), warm_up, settings, stop)?;
     let mut session = Session::new(scene, scene.deadline.overrun);
-    let passes = std::mem::take(&mut served.passes);
-    session.passes = (0..).zip(passes).map(|(number, pass)| recorded_pass(number, pass)).collect();
+    session.passes = std::mem::take(&mut served.passes);
     Ok(Recorded { session, summary: RealTimeSummary::new(scene, &served.meter, &served) })
 }

@@ -1,6 +1,7 @@
 //! The servo thread, which keeps to the clock, beside the global thread, which builds its models.
 
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc;
 use std::time::Duration;
 
 use miette::Diagnostic;
@@ -8,12 +9,13 @@ use serde::Serialize;
 use thiserror::Error;
 
 use super::allocations;
-use super::builder::{GlobalTimes, build_models};
-use super::channel::{ServoEnd, channel};
+use super::builder::{GlobalTimes, build_models, take_in};
+use super::channel::{ChannelSettings, ServoEnd, channel};
 use super::exercise::Exercise;
 use super::meter::{Meter, TickTimes};
 use super::os::{self, Usage};
 use super::power::{CpuSettings, frequency_khz, hold_dma_latency};
+use super::supply::{Next, Over, Upcoming, send_side, supply};
 use crate::Vec3;
 use crate::contact::report::TickReport;
 use crate::multirate::failsafe::Fault;
@@ -22,10 +24,12 @@ use crate::multirate::servo::{Servo, ServoTick};
 use crate::multirate::timeline::{Arrival, Deadline, DeadlineOutcome, OverrunPolicy, RecordedTimes};
 use crate::multirate::trajectory::PathRecording;
 use crate::pipeline::{Sides, Simulation};
-use crate::session::{Checksum, RecordedTick};
+use crate::session::{Checksum, RecordedPass, RecordedTick};
 
 /// `SCHED_FIFO` priority of the servo thread: above ordinary interrupt threads, below the watchdogs.
 const PRIORITY: i32 = 80;
+/// `SCHED_FIFO` priority of the thread that empties the servo thread's ring.
+const INTAKE_PRIORITY: i32 = 70;
 /// Time from the start of the servo thread to its first release, s.
 const LEAD_S: f64 = 0.02;
 /// Size of the stack that is touched before the window, bytes.
@@ -57,13 +61,17 @@ impl Pass {
     pub fn new(simulation: Simulation, ticks: u64, tapes: bool) -> Self {
         let has_global = simulation.recording().is_some();
         let Sides { servo, global } = simulation.into_sides();
-        let reserve = || Vec::with_capacity(ticks as usize);
+        let (arrival, tick) = (Arrival { from: 1, at: 1 }, RecordedTick::new(Vec3::x(), Vec3::x()));
         Self {
             servo,
             global: has_global.then_some(global),
             ticks,
-            times: RecordedTimes { arrivals: Vec::with_capacity(ticks as usize), late: reserve(), skipped: reserve() },
-            tape: Vec::with_capacity(if tapes { ticks as usize } else { 0 }),
+            times: RecordedTimes {
+                arrivals: touched(arrival, ticks),
+                late: touched(1, ticks),
+                skipped: touched(1, ticks),
+            },
+            tape: touched(tick, if tapes { ticks } else { 0 }),
             tapes,
             checksum: Checksum::default(),
             exercise: Exercise::default(),
@@ -71,9 +79,35 @@ impl Pass {
         }
     }
 
+    /// Converts a pass that is over to its recording.
+    pub fn into_recorded(mut self, number: u32) -> RecordedPass {
+        let RecordedTimes { arrivals, late, skipped } = &mut self.times;
+        arrivals.shrink_to_fit();
+        late.shrink_to_fit();
+        skipped.shrink_to_fit();
+        RecordedPass {
+            pass: number,
+            ticks: self.servo.next_tick(),
+            fault: self.fault.map(|fault| fault.to_string()),
+            times: self.times,
+            checksum: self.checksum.text(),
+            tape: self.tape,
+        }
+    }
+
     /// Returns the number of ticks completed, skipped ones included.
     pub fn ticks_done(&self) -> u64 {
         self.servo.next_tick()
+    }
+
+    /// Returns the number of ticks that the pass has if nothing ends it earlier.
+    pub(super) fn ticks(&self) -> u64 {
+        self.ticks
+    }
+
+    /// Takes the global side out, for the thread that it runs on; `None` without cycles.
+    pub(super) fn take_global(&mut self) -> Option<GlobalSide> {
+        self.global.take()
     }
 
     fn end_tick(&mut self, done: &ServoTick) {
@@ -90,6 +124,14 @@ impl Pass {
             self.tape.push(RecordedTick::new(done.tip, done.force));
         }
     }
+}
+
+/// Returns an empty list with memory for so many values that is in place already: the first write to new memory is a page
+/// fault. `filling` is not zero, as the system hands out zeros without memory behind them.
+fn touched<T: Clone>(filling: T, length: u64) -> Vec<T> {
+    let mut list = vec![filling; length as usize];
+    list.clear();
+    list
 }
 
 /// Settings of a real-time loop.
@@ -155,6 +197,8 @@ pub struct Window {
     pub involuntary_switches: u64,
     /// Number of notes that did not fit into the ring.
     pub lost_notes: u64,
+    /// Number of releases that passed between two passes because the second was not prepared yet.
+    pub idle_releases: u64,
     /// Time at which the window began, on `CLOCK_MONOTONIC`, ns.
     pub begin_ns: u64,
     /// Time at which the window ended, on `CLOCK_MONOTONIC`, ns.
@@ -164,8 +208,8 @@ pub struct Window {
 /// The result of a real-time loop.
 #[derive(Debug)]
 pub struct Served {
-    /// All passes; those that were not reached have no ticks.
-    pub passes: Vec<Pass>,
+    /// Recordings of all passes.
+    pub passes: Vec<RecordedPass>,
     /// Time measurements of the servo side.
     pub meter: Meter,
     /// Time measurements of the global side; `None` without cycles.
@@ -197,52 +241,53 @@ pub enum NotServed {
     Panicked,
 }
 
-/// Runs passes one after the other in real time. The servo thread is pinned to the last of the CPUs that this thread
-/// may use; `stop` ends the loop at the next tick.
+/// Runs passes over one scene after the other in real time, `ticks` ticks in all. A pass is taken from `passes` while the
+/// one before it runs, on a thread of ordinary priority, so that memory does not grow with the number of passes. The servo
+/// thread is pinned to the last of the CPUs that this thread may use; `stop` ends the loop at the next tick.
 ///
 /// # Errors
 /// If there is no pass, a renderer is custom, or a thread panicked.
 ///
 /// ```
 /// use std::sync::atomic::AtomicBool;
-/// use stickslip::realtime::record::{loop_settings, recorded_pass};
+/// use stickslip::realtime::record::loop_settings;
 /// use stickslip::realtime::threads::{Pass, serve};
 /// use stickslip::{pipeline::Simulation, scene::Scene};
 ///
 /// let scene = Scene::shipped("fig3-sliding").expect("shipped with the program");
 /// let simulation = Simulation::prepare(&scene)?;
 /// let settings = loop_settings(&scene, &simulation, false);
-/// let warm_up = simulation.clone().into_sides().servo;
+/// let warm_up = simulation.into_sides().servo;
 /// // Two passes of 20 ticks each, one after the other at the same period.
-/// let passes = vec![Pass::new(simulation.clone(), 20, false), Pass::new(simulation, 20, false)];
-/// let served = serve(passes, warm_up, settings, &AtomicBool::new(false)).expect("there are passes");
-/// assert!(served.passes.iter().all(|pass| pass.ticks_done() == 20));
+/// let passes = (0..2).map_while(|_| Some(Pass::new(Simulation::prepare(&scene).ok()?, 20, false)));
+/// let served = serve(passes, 40, warm_up, settings, &AtomicBool::new(false)).expect("there are passes");
+/// assert!(served.passes.iter().all(|pass| pass.ticks == 20) && served.passes.len() == 2);
 /// assert_eq!(served.meter.ticks() + served.meter.skipped(), 40);
 /// assert!(served.window.end_ns - served.window.begin_ns > 38_000_000); // not faster than real time
-/// for (number, pass) in (0..).zip(served.passes) {
-///     assert_eq!(recorded_pass(number, pass).ticks, 20);
-/// }
 /// # Ok::<(), stickslip::scene::SceneError>(())
 /// ```
 pub fn serve(
-    passes: Vec<Pass>,
+    passes: impl IntoIterator<Item = Pass, IntoIter: Send>,
+    ticks: u64,
     warm_up: Servo,
     settings: LoopSettings,
     stop: &AtomicBool,
 ) -> Result<Served, NotServed> {
-    if passes.iter().any(|pass| pass.servo.local().is_rendered_by_another()) {
+    let mut passes = passes.into_iter();
+    let mut first = passes.next().ok_or(NotServed::NoPass)?;
+    if first.servo.local().is_rendered_by_another() {
         return Err(NotServed::OwnRenderer);
     }
+    let LoopSettings { tick_s, ticks_per_cycle, recording, deadline, .. } = settings;
     let mut refused = Vec::new();
-    let ticks = passes.iter().map(|pass| pass.ticks).sum();
-    let deadline_ns = nanoseconds(settings.deadline.after);
-    let mut meter = Meter::new(ticks, deadline_ns);
-    let first_nodes = passes.first().ok_or(NotServed::NoPass)?.servo.local().model().patch.nodes.clone();
-    let (servo_end, global_end) = channel(settings.ticks_per_cycle, settings.recording, &first_nodes);
-    let mut passes = passes;
-    let sides: Vec<_> = passes.iter_mut().map(|pass| (pass.global.take(), pass.ticks)).collect();
-    let first_patches: Vec<Vec<u32>> =
-        passes.iter().map(|pass| pass.servo.local().model().patch.nodes.clone()).collect();
+    let mut meter = Meter::new(ticks, nanoseconds(deadline.after));
+    let path = ChannelSettings { tick_s, ticks_per_cycle, pass_ticks: first.ticks, recording };
+    let (servo_end, intake, sender) = channel(path, &first.servo.local().model().patch.nodes);
+    let global = GlobalTimes::new(ticks_per_cycle, nanoseconds(ticks_per_cycle as f64 * tick_s));
+    let (to_global, from_all) = mpsc::channel();
+    let from_ring = to_global.clone();
+    send_side(0, &mut first, &to_global);
+    let (upcoming, preparer) = supply();
 
     let memory_locked = match os::lock_memory() {
         Ok(()) => true,
@@ -260,11 +305,16 @@ pub fn serve(
     }
     let mut cpu = CpuSettings { is_dma_latency_held: latency.is_ok(), ..CpuSettings::of(last) };
     let done = AtomicBool::new(false);
-    let idle = Duration::from_secs_f64((settings.tick_s / 4.0).clamp(2e-5, 1e-3));
+    let idle = Duration::from_secs_f64((tick_s / 4.0).clamp(2e-5, 1e-3));
     let served = std::thread::scope(|scope| {
-        let global =
-            GlobalTimes::new(settings.ticks_per_cycle, nanoseconds(settings.ticks_per_cycle as f64 * settings.tick_s));
-        let builder = scope.spawn(|| build_models(global_end, sides, &first_patches, idle, &done, global));
+        let done = &done;
+        let builder = scope.spawn(move || build_models(&from_all, sender, done, global));
+        let intake = scope.spawn(move || {
+            // It only copies, and must not wait for ordinary threads; where this is refused, the ring covers half a second.
+            let _ = os::request_fifo(INTAKE_PRIORITY);
+            take_in(intake, &from_ring, idle, done);
+        });
+        let preparer = scope.spawn(move || preparer.run(passes, &to_global, idle, done));
         let servo = scope.spawn(|| {
             if let Err(error) = os::pin(&[last]) {
                 refused.push(format!("sched_setaffinity: {error}"));
@@ -276,27 +326,27 @@ pub fn serve(
             cpu.timer_slack_ns = os::least_timer_slack_ns();
             touch_stack();
             warm(warm_up);
-            let (window, stopped) = run_loop(&mut passes, servo_end, &mut meter, settings, stop);
+            let (pass, window, stopped) = run_loop(first, upcoming, servo_end, &mut meter, settings, stop);
             cpu.frequency_khz[1] = frequency_khz(last);
             let obtained = Obtained { policy, priority, cpus: os::affinity(), memory_locked, cpu, refused };
-            (passes, meter, window, obtained, stopped)
+            (pass, meter, window, obtained, stopped)
         });
         let served = servo.join();
         done.store(true, Ordering::Release);
-        let built = builder.join();
-        served.and_then(|served| Ok((served, built?))).map_err(|_| NotServed::Panicked)
+        let (over, taken_in, built) = (preparer.join(), intake.join(), builder.join());
+        taken_in.and_then(|()| Ok((served?, over?, built?))).map_err(|_| NotServed::Panicked)
     });
     os::unlock_memory();
     drop(latency);
-    let ((passes, meter, window, obtained, stopped), mut global) = served?;
-    let mut exercise = Exercise::default();
-    for pass in passes.iter().filter(|pass| pass.ticks_done() > 0) {
-        global.record_ages(&pass.times, pass.ticks_done());
-        exercise.add(&pass.exercise);
+    let ((pass, meter, window, obtained, stopped), mut over, mut global) = served?;
+    let fault = pass.fault;
+    over.add(pass);
+    let Over { passes, mut exercise } = over;
+    for pass in passes.iter().filter(|pass| pass.ticks > 0) {
+        global.record_ages(&pass.times, pass.ticks);
     }
     exercise.models_built = global.models_built();
-    let fault = passes.iter().find_map(|pass| pass.fault);
-    let global = settings.recording.is_some().then_some(global);
+    let global = recording.is_some().then_some(global);
     Ok(Served { passes, meter, global, exercise, window, obtained, stopped, fault })
 }
 
@@ -319,14 +369,15 @@ fn warm(mut servo: Servo) {
     }
 }
 
-/// Runs the servo thread within its window.
+/// Runs the servo thread within its window. Returns the last pass, the counters, and whether the loop was stopped.
 fn run_loop(
-    passes: &mut [Pass],
+    mut pass: Pass,
+    mut upcoming: Upcoming,
     mut end: ServoEnd,
     meter: &mut Meter,
     settings: LoopSettings,
     stop: &AtomicBool,
-) -> (Window, bool) {
+) -> (Pass, Window, bool) {
     let LoopSettings { tick_s, ticks_per_cycle, deadline, control, .. } = settings;
     let start = os::now_ns() + nanoseconds(LEAD_S);
     // Releases are counted over all passes: a new pass keeps the period.
@@ -336,8 +387,9 @@ fn run_loop(
     let usage = Usage::of_this_thread();
     let allocated = allocations::on_this_thread();
     meter.begin(usage);
-    let mut stopped = false;
-    'passes: for (number, pass) in (0..).zip(passes.iter_mut()) {
+    let (mut stopped, mut idle_releases) = (false, 0);
+    let mut number = 0;
+    'passes: loop {
         end.begin_pass(number, &pass.servo);
         while pass.servo.next_tick() < pass.ticks {
             if stop.load(Ordering::Relaxed) {
@@ -345,7 +397,7 @@ fn run_loop(
                 break 'passes;
             }
             let release = release_of(released);
-            let timed = timed_tick(pass, &mut end, number, release, ticks_per_cycle);
+            let timed = timed_tick(&mut pass, &mut end, number, release, ticks_per_cycle);
             let TimedTick { tip, report, times, command } = match timed {
                 Ok(timed) => timed,
                 Err(fault) => {
@@ -363,7 +415,7 @@ fn run_loop(
 
             if !on_time && deadline.overrun == OverrunPolicy::Skip {
                 while release_of(released) < command && pass.servo.next_tick() < pass.ticks {
-                    if let Err(fault) = skip(pass, &mut end, ticks_per_cycle) {
+                    if let Err(fault) = skip(&mut pass, &mut end, ticks_per_cycle) {
                         pass.fault = Some(fault);
                         break 'passes;
                     }
@@ -375,6 +427,22 @@ fn run_loop(
                 control_tick(meter, release_of(released - 1) + nanoseconds(tick_s / 2.0));
             }
         }
+        loop {
+            match upcoming.exchange(&mut pass) {
+                Next::Pass => break,
+                Next::End => break 'passes,
+                Next::NotYet if stop.load(Ordering::Relaxed) => {
+                    stopped = true;
+                    break 'passes;
+                }
+                // The next pass begins at a release like any other.
+                Next::NotYet => {
+                    os::sleep_until_ns(release_of(released));
+                    (released, idle_releases) = (released + 1, idle_releases + 1);
+                }
+            }
+        }
+        number += 1;
     }
     let end_ns = os::now_ns();
     meter.end(end_ns.saturating_sub(start));
@@ -385,10 +453,11 @@ fn run_loop(
         voluntary_switches: counted.voluntary_switches,
         involuntary_switches: counted.involuntary_switches,
         lost_notes: end.lost(),
+        idle_releases,
         begin_ns: start,
         end_ns,
     };
-    (window, stopped)
+    (pass, window, stopped)
 }
 
 /// A tick that has been computed and timed, before its command.

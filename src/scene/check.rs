@@ -28,6 +28,9 @@ pub(super) use super::memory::Run;
 /// ticks.
 const WHOLE_NUMBER_TOLERANCE: f64 = 1e-9;
 
+/// Highest rate of a loop in real time, Hz: waking up alone takes a Linux thread microseconds.
+pub const MOST_REAL_TIME_HZ: f64 = 100_000.0;
+
 /// Least spacing, m: far below any tissue, and far above where the areas of triangles underflow.
 const LEAST_SPACING: f64 = 1e-6;
 
@@ -200,10 +203,23 @@ fn timing(scene: &Scene) -> Checked {
         cost("timing.tick_cost", &costs.tick)?;
         cost("timing.model_cost", &costs.model)?;
     }
+    if scene.schedule == Schedule::Threads {
+        real_time_rate(scene)?;
+    }
     if scene.schedule == Schedule::Threads && scene.global.latency_ticks > 0 {
         return Err(Problem::NoEffect { key: "sync.latency_ticks", because: IN_REAL_TIME });
     }
     Ok(())
+}
+
+/// Checks that a loop in real time can have the scene's rate.
+pub(super) fn real_time_rate(scene: &Scene) -> Checked {
+    let rate_hz = scene.local_rate_hz;
+    if rate_hz <= MOST_REAL_TIME_HZ {
+        return Ok(());
+    }
+    let value = format!("{rate_hz} Hz in real time, where {MOST_REAL_TIME_HZ} Hz is the most");
+    Err(Problem::NotAccepted { key: "local.rate", value })
 }
 
 fn cost(key: &'static str, cost: &Cost) -> Checked {

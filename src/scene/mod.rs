@@ -5,6 +5,8 @@ mod check;
 mod error;
 mod file;
 mod keys;
+#[cfg(feature = "files")]
+mod meaning;
 mod memory;
 mod mesh;
 mod parts;
@@ -18,6 +20,8 @@ use std::path::Path;
 
 use miette::NamedSource;
 
+#[cfg(feature = "files")]
+pub(crate) use check::MOST_REAL_TIME_HZ;
 pub use error::{Problem, SceneError};
 pub use mesh::MeshSource;
 pub use parts::Part;
@@ -196,6 +200,15 @@ impl Scene {
             InstrumentKind::Path => self.force_limit_n,
             InstrumentKind::Phantom(settings) => FORCE_MARGIN * settings.phantom.actuation.largest_force,
         }
+    }
+
+    /// Checks that a loop in real time can have the scene's rate, whatever its schedule.
+    ///
+    /// # Errors
+    /// If the rate is too high.
+    #[cfg(all(feature = "cli", feature = "realtime", target_os = "linux"))]
+    pub(crate) fn check_real_time(&self) -> Result<(), SceneError> {
+        check::real_time_rate(self).map_err(|problem| self.error(problem))
     }
 
     /// Returns the local tick h, s.

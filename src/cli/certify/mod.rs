@@ -3,12 +3,12 @@
 mod page;
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use maud::Markup;
+use miette::Diagnostic;
 
 use super::progress::Progress;
 use super::terminal::{hand_out, say, significant};
@@ -23,7 +23,7 @@ use crate::realtime::load::Load;
 use crate::realtime::machine::{Machine, stolen};
 use crate::realtime::meter::{TickTimes, Times};
 use crate::realtime::os;
-use crate::realtime::record::{Quantiles, loop_settings, recorded_pass};
+use crate::realtime::record::{Quantiles, loop_settings};
 use crate::realtime::threads::{Pass, Served, serve};
 use crate::scene::{Scene, SceneError};
 use crate::session::{ReplayOutcome, ReplayReason, Session, TickToReplay, replay_timed};
@@ -35,7 +35,7 @@ use crate::verify::lateness::consequences;
 
 /// Interval between two readings of the time taken by the hypervisor.
 const WATCH: Duration = Duration::from_millis(20);
-/// Largest number of passes in a window: all are prepared before it begins.
+/// Largest number of passes in a window. One is prepared ahead; of those that are over, the arrivals of models are kept.
 const MOST_PASSES: u64 = 10_000;
 
 #[derive(Debug, Args)]
@@ -103,8 +103,17 @@ fn policy_parser() -> impl TypedValueParser<Value = OverrunPolicy> {
 fn asked_for(arguments: &CertifyArguments) -> miette::Result<Scene> {
     let mut scene = load(&arguments.scene)?;
     if let Some(rate) = arguments.rate {
-        scene = scene.with_local_rate_hz(rate)?;
+        let asked = scene.with_local_rate_hz(rate).and_then(|scene| {
+            scene.check_real_time()?;
+            scene.check()?;
+            Ok(scene)
+        });
+        scene = asked.map_err(|error| {
+            let help = error.help().map_or(String::new(), |help| help.to_string());
+            miette::miette!(help = help, "--rate {rate}: {error}")
+        })?;
     }
+    scene.check_real_time()?;
     if let Some(us) = arguments.deadline {
         let after = us * 1e-6;
         if !(after > 0.0 && after <= scene.tick_s()) {
@@ -139,7 +148,10 @@ type Figures = Vec<(&'static str, String)>;
 fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette::Result<(Certificate, Figures)> {
     let stop = interrupt::flag();
     let ticks = (duration_s / scene.tick_s()).round().max(1.0) as u64;
-    let (passes, warm_up) = prepare(scene, ticks, stop)?;
+    let warm_up = Simulation::prepare(scene)?;
+    // The scene was prepared once already: where it cannot be prepared again, as without memory, the window ends.
+    let passes = pass_lengths(ticks, scene.tick_count())
+        .map_while(|ticks| Some(Pass::new(Simulation::prepare(scene).ok()?, ticks, false)));
     let settings = loop_settings(scene, &warm_up, true);
     let cpus = os::affinity();
     let (kind, words) = match load {
@@ -151,12 +163,12 @@ fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette
     progress.begin(&scene.name);
     let load = kind.start(cpus.len());
     let (served, steal) =
-        watched(duration_s, &mut progress, ticks, || serve(passes, warm_up.into_sides().servo, settings, stop));
+        watched(duration_s, &mut progress, ticks, || serve(passes, ticks, warm_up.into_sides().servo, settings, stop));
     drop(load);
     drop(progress);
     let mut served = served?;
 
-    let longest_pass_ticks = served.passes.iter().map(Pass::ticks_done).max().unwrap_or_default();
+    let longest_pass_ticks = served.passes.iter().map(|pass| pass.ticks).max().unwrap_or_default();
     let session = session(scene, &mut served);
     let (replayed, idle) = replays(&session, scene)?;
     let worst = worst(&served, time_ticks(&session, scene)?);
@@ -193,17 +205,9 @@ fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette
     Ok((certificate, figures))
 }
 
-/// Prepares the passes for a number of ticks, and a simulation for the warm-up.
-fn prepare(scene: &Scene, ticks: u64, stop: &AtomicBool) -> Result<(Vec<Pass>, Simulation), SceneError> {
-    let warm_up = Simulation::prepare(scene)?;
-    let mut passes = Vec::new();
-    let mut left = ticks;
-    while left > 0 && !stop.load(Ordering::Relaxed) {
-        let of_this = left.min(scene.tick_count());
-        passes.push(Pass::new(Simulation::prepare(scene)?, of_this, false));
-        left -= of_this;
-    }
-    Ok((passes, warm_up))
+/// Returns the numbers of ticks of passes over a path, so many in all.
+fn pass_lengths(ticks: u64, path_ticks: u64) -> impl Iterator<Item = u64> {
+    (0..ticks.div_ceil(path_ticks)).map(move |pass| (ticks - pass * path_ticks).min(path_ticks))
 }
 
 /// Runs `work` while this thread samples the time taken by the hypervisor and shows the expected progress.
@@ -246,13 +250,10 @@ fn session(scene: &Scene, served: &mut Served) -> Session {
             session.worst.push(TickToReplay { pass: *pass, tick: *tick, why });
         }
     }
-    let passes = std::mem::take(&mut served.passes);
-    for (number, pass) in (0..).zip(passes) {
-        let is_needed = number == 0 || session.worst.iter().any(|tick| tick.pass == number);
-        if is_needed && pass.ticks_done() > 0 {
-            session.passes.push(recorded_pass(number, pass));
-        }
-    }
+    let mut passes = std::mem::take(&mut served.passes);
+    let is_marked = |number| session.worst.iter().any(|tick| tick.pass == number);
+    passes.retain(|pass| pass.ticks > 0 && (pass.pass == 0 || is_marked(pass.pass)));
+    session.passes = passes;
     session
 }
 
@@ -294,6 +295,14 @@ mod tests {
     struct Alone {
         #[command(flatten)]
         arguments: CertifyArguments,
+    }
+
+    #[test]
+    fn passes_add_up_to_the_window() {
+        let lengths = |ticks, path| pass_lengths(ticks, path).collect::<Vec<_>>();
+        assert_eq!(lengths(3000, 1200), [1200, 1200, 600]);
+        assert_eq!(lengths(2400, 1200), [1200, 1200]);
+        assert_eq!(lengths(5, 1200), [5]);
     }
 
     #[test]

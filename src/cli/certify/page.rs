@@ -256,6 +256,7 @@ pub fn markdown(certificate: &Certificate) -> String {
             format!("{}, {}", window.voluntary_switches, window.involuntary_switches),
         ),
         ("messages lost to a full ring buffer", window.lost_notes.to_string()),
+        ("releases that waited for a pass to be prepared", window.idle_releases.to_string()),
         ("replay commands the same forces", certificate.replayed.to_string()),
         ("processor", unknown(&machine.processor)),
         ("instruction sets", machine.cpu_features.join(", ")),

@@ -259,8 +259,9 @@ impl Certificate {
             window: *exercise,
             lockstep: around.lockstep,
         };
-        let cut_short = stopped.then(|| {
-            let done = meter.ticks() + meter.skipped();
+        let done = meter.ticks() + meter.skipped();
+        let is_cut_short = *stopped || (fault.is_none() && done < around.asked_ticks);
+        let cut_short = is_cut_short.then(|| {
             format!("the window was stopped after {done} of {} ticks: let it run to its end", around.asked_ticks)
         });
         let fault = fault.map(|fault| fault.to_string());
