@@ -100,7 +100,7 @@ impl Size<'_> {
 
 /// Estimates the memory of a scene's run, bytes.
 pub(super) fn estimate(scene: &Scene) -> u128 {
-    Size::of(&scene.mesh, |size| needed(size, Run::of(scene)))
+    Size::of(&scene.mesh, |size| needed(size, Run::of(scene), Counted::Touched))
 }
 
 /// Checks that a run over this mesh fits.
@@ -112,8 +112,17 @@ pub(super) fn mesh_fits(mesh: &MeshSource, run: Run) -> Result<(), Problem> {
     Size::of(mesh, |size| fits(key, size, run))
 }
 
+/// What counts of a matrix that is stored as if it were dense.
+#[derive(Clone, Copy, PartialEq)]
+enum Counted {
+    /// The pages that are ever touched.
+    Touched,
+    /// All of it, which the system has to grant.
+    Allocated,
+}
+
 /// Estimates the bytes of a run over a mesh of this size.
-fn needed(size: &Size, run: Run) -> u128 {
+fn needed(size: &Size, run: Run, counted: Counted) -> u128 {
     let &Size { nodes, springs, within } = size;
     let Run { local, integrator, ticks, ticks_per_cycle, settles, is_implicit } = run;
     let patch = match local.extent {
@@ -128,6 +137,7 @@ fn needed(size: &Size, run: Run) -> u128 {
         (Linearization::None, _) if is_condensed => dense(2),
         (Linearization::None, _) => 0,
         (_, LocalIntegrator::SemiImplicitEuler) if is_condensed => dense(3),
+        (_, LocalIntegrator::SemiImplicitEuler) if counted == Counted::Allocated => dense(2),
         (_, LocalIntegrator::SemiImplicitEuler) => dense(2).min(patch.saturating_mul(BYTES_PER_PATCH_NODE)),
         (_, LocalIntegrator::ImplicitEuler | LocalIntegrator::ImplicitMidpoint) => dense(2 + 3 + 9),
         (_, LocalIntegrator::Exponential) => dense(2 + 6 + 18),
@@ -165,7 +175,7 @@ fn needed(size: &Size, run: Run) -> u128 {
 
 /// Checks that a run over a mesh of this size, given by `key`, fits.
 pub(super) fn fits(key: &'static str, size: &Size, run: Run) -> Result<(), Problem> {
-    let (needed, available) = (needed(size, run), u128::from(available_memory()));
+    let (needed, available) = (needed(size, run, Counted::Allocated), u128::from(available_memory()));
     if needed <= available && size.nodes < u128::from(u32::MAX) {
         return Ok(());
     }
