@@ -26,6 +26,7 @@ mod operators;
 mod orders;
 mod phantom;
 mod phantom_motion;
+mod phantom_structure;
 mod rest;
 mod settle;
 mod stability;
