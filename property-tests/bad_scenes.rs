@@ -271,6 +271,24 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
         &["instrument.device.substeps", "too few", "take"],
     ),
     (
+        "too few substeps for a light tip",
+        KIND,
+        "kind = \"phantom-1.5\"\ndevice = { structure = { tip_mass = 1e-6 } }",
+        &["instrument.device.substeps", "too few", "take"],
+    ),
+    (
+        "a structure without stiffness",
+        KIND,
+        "kind = \"phantom-1.5\"\ndevice = { structure = { stiffness = 0.0 } }",
+        &["instrument.device.structure.stiffness", "above 0"],
+    ),
+    (
+        "an unknown key of a structure",
+        KIND,
+        "kind = \"phantom-1.5\"\ndevice = { structure = { mass = 0.01 } }",
+        &["unknown field `mass`", "tip_mass"],
+    ),
+    (
         "a coupling too light",
         KIND,
         "kind = \"phantom-1.5\"\ncoupling = { mass = 1e-4 }",

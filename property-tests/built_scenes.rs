@@ -5,6 +5,7 @@ use stickslip::contact::rules::Scheme;
 use stickslip::device::coupled::CoupledSettings;
 use stickslip::device::instrument::InstrumentKind;
 use stickslip::device::path::{TipPath, Waypoint};
+use stickslip::device::phantom::structure::StructureSettings;
 use stickslip::dynamics::constraint::Threads;
 use stickslip::dynamics::integrators::GlobalIntegrator;
 use stickslip::local::model::{ExteriorKind, LocalSettings};
@@ -130,6 +131,15 @@ const WRONG_IN_PLACE: &[(ChangeInPlace, &str)] = &[
             scene.instrument = InstrumentKind::Phantom(Box::new(settings));
         },
         "instrument.device.largest_current",
+    ),
+    (
+        |scene| {
+            let mut settings = CoupledSettings::default();
+            let structure = StructureSettings { damping_ratio: -0.1, ..StructureSettings::default() };
+            settings.phantom.structure = Some(structure);
+            scene.instrument = InstrumentKind::Phantom(Box::new(settings));
+        },
+        "instrument.device.structure.damping_ratio",
     ),
 ];
 

@@ -29,6 +29,7 @@ mod orders;
 mod path_stability;
 mod phantom;
 mod phantom_motion;
+mod phantom_structure;
 mod rest;
 mod settle;
 mod stability;

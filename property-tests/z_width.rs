@@ -4,7 +4,9 @@ use std::f64::consts::TAU;
 
 use stickslip::device::phantom::hand::HandSettings;
 use stickslip::device::phantom::kinematics::UPPER_LINK;
+use stickslip::device::phantom::structure::StructureSettings;
 use stickslip::device::phantom::{DeviceError, PhantomSettings};
+use stickslip::verify::buzz::stiffest_clean_n_per_m;
 use stickslip::verify::z_width::{QUIET_M, VirtualWall, ZWidthError, touch, wall_limit};
 
 use crate::check::Worst;
@@ -76,4 +78,21 @@ fn a_wall_or_a_rate_that_is_none_says_so() {
     let slow = wall_limit(&settings, 10.0, 0.0).expect_err("ten substeps in 0.1 s are too few");
     assert!(slow.to_string().contains("substeps"), "{slow}");
     assert!(wall_limit(&settings, 1e3, f64::NAN).is_err());
+}
+
+/// The trend that Choi and Tan (2004) found: 0.33 N/mm at 250 Hz and 0.90 N/mm at 40 kHz, with most of the gain up to
+/// 10 kHz.
+#[test]
+fn a_faster_loop_renders_stiffer_walls_cleanly() {
+    for structure in [None, Some(StructureSettings::default())] {
+        let settings = PhantomSettings { structure, ..PhantomSettings::default() };
+        let [slow, fast] = [250.0, 1e4]
+            .map(|rate| stiffest_clean_n_per_m(&settings, rate).expect("it can be simulated").expect("1e5 N/m buzz"));
+        let what = if structure.is_some() { "with the structural mode" } else { "rigid" };
+        println!(
+            "RESIDUAL | Choi, Tan | {what}: clean up to, N/m, at 250 Hz, 10 kHz (330, 900) | - | {slow:.0}, {fast:.0}"
+        );
+        assert!(slow > 330.0 && fast < 3500.0, "{what}: {slow}, {fast} N/m");
+        assert!((1.5..4.0).contains(&(fast / slow)), "{what}: {slow}, {fast} N/m");
+    }
 }

@@ -20,6 +20,7 @@ pub struct DeviceFacts {
     hand_mass_kg: [f64; 3],
     grip_stiffness_n_per_m: [f64; 3],
     arm_stiffness_n_per_m: [f64; 3],
+    structure: Option<StructureFacts>,
     coupling: Option<CouplingFacts>,
     passivity_control: bool,
     smoothing_ticks: u32,
@@ -100,6 +101,16 @@ impl ContactFacts {
     }
 }
 
+/// What bends between the links and the tip in the hand.
+#[derive(Debug, Serialize)]
+struct StructureFacts {
+    stiffness_n_per_m: f64,
+    tip_mass_kg: f64,
+    damping_ratio: f64,
+    /// Frequency of the mode along the device's axes, the tip being free.
+    frequency_hz: [f64; 3],
+}
+
 #[derive(Debug, Serialize)]
 struct CouplingFacts {
     stiffness_n_per_m: f64,
@@ -122,6 +133,14 @@ impl DeviceFacts {
             hand_mass_kg: hand.mass.into(),
             grip_stiffness_n_per_m: hand.stylus_stiffness.into(),
             arm_stiffness_n_per_m: hand.arm_stiffness.into(),
+            structure: settings.phantom.structure.zip(device.structure_frequency_hz()).map(|(structure, frequency)| {
+                StructureFacts {
+                    stiffness_n_per_m: structure.stiffness,
+                    tip_mass_kg: structure.tip_mass,
+                    damping_ratio: structure.damping_ratio,
+                    frequency_hz: frequency.into(),
+                }
+            }),
             coupling: settings.coupling.map(|coupling| CouplingFacts {
                 stiffness_n_per_m: coupling.stiffness,
                 damping_n_s_per_m: coupling.damping,
@@ -179,6 +198,15 @@ impl DeviceFacts {
                 three(self.arm_stiffness_n_per_m, 1.0, 0)
             ),
         ];
+        if let Some(structure) = &self.structure {
+            lines.push(format!(
+                "  structure {} N/m to a tip of {} g, damped by {}: {} Hz if nobody holds it",
+                structure.stiffness_n_per_m,
+                1e3 * structure.tip_mass_kg,
+                structure.damping_ratio,
+                three(structure.frequency_hz, 1.0, 0)
+            ));
+        }
         lines.push(match &self.coupling {
             Some(CouplingFacts { stiffness_n_per_m: k, damping_n_s_per_m: b, mass_kg: m }) => {
                 format!("  coupling  {k} N/m, {b} N·s/m, {:.0} g", 1e3 * m)

@@ -295,6 +295,11 @@ fn device(settings: &CoupledSettings) -> Checked {
     }
     accept("instrument.device.torque_bits", f64::from(actuation.torque_bits), actuation.torque_bits <= 32)?;
     at_least_one("instrument.device.substeps", phantom.substeps)?;
+    if let Some(structure) = phantom.structure {
+        positive("instrument.device.structure.stiffness", structure.stiffness)?;
+        positive("instrument.device.structure.tip_mass", structure.tip_mass)?;
+        non_negative("instrument.device.structure.damping_ratio", structure.damping_ratio)?;
+    }
     if let Some(coupling) = settings.coupling {
         positive("instrument.coupling.stiffness", coupling.stiffness)?;
         non_negative("instrument.coupling.damping", coupling.damping)?;

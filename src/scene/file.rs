@@ -188,6 +188,15 @@ pub struct DeviceTable {
     pub amplifier_bandwidth: Option<f64>,
     pub largest_force: Option<f64>,
     pub substeps: Option<u32>,
+    pub structure: Option<StructureTable>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StructureTable {
+    pub stiffness: Option<f64>,
+    pub tip_mass: Option<f64>,
+    pub damping_ratio: Option<f64>,
 }
 
 #[derive(Debug, Default, Deserialize)]

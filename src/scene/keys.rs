@@ -285,6 +285,19 @@ const KEYS: &[(&str, Accepts)] = &[
         "instrument.device.substeps",
         Text("a whole number of at least 1, large enough for its fastest motion (default 10)"),
     ),
+    (
+        "instrument.device.structure",
+        Table(": a spring between the links, which the encoders measure, and the tip in the hand (without it, rigid)"),
+    ),
+    ("instrument.device.structure.stiffness", Text("a finite number above 0, in N/m (default 3500)")),
+    (
+        "instrument.device.structure.tip_mass",
+        Text("a finite number above 0, in kg, in addition to the links (default 0.01)"),
+    ),
+    (
+        "instrument.device.structure.damping_ratio",
+        Text("a finite number of at least 0, of the tip against links that are held (default 0.05)"),
+    ),
     ("instrument.hand", Table(" along the device's axes; only with `kind = \"phantom-1.5\"`")),
     ("instrument.hand.mass", Text("three finite numbers above 0, in kg (default [0.218, 0.269, 0.204])")),
     (

@@ -6,6 +6,7 @@
 pub mod accept;
 pub mod accuracy;
 pub mod baseline;
+pub mod buzz;
 pub mod certificate;
 pub mod compare;
 pub mod contact_limits;

@@ -121,7 +121,8 @@ pub fn whole(scene: &Scene, surface: ContactSurface, scheme: Scheme) -> Scene {
     scene.clone().with_full_model().with_surface(surface).with_scheme(scheme)
 }
 
-fn refine(scene: &mut Scene, refinement: usize) {
+/// Divides a scene's block further, with the same material.
+pub(super) fn refine(scene: &mut Scene, refinement: usize) {
     let factor = refinement as f64;
     let MeshSource::Block(coarse) = scene.mesh else { return };
     let block = Block {

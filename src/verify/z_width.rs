@@ -147,7 +147,7 @@ impl WallTouch {
 
 impl VirtualWall {
     /// Returns the force on a tip at a height, m, with an upward speed, m/s: N, never negative.
-    fn force(&self, height: f64, speed: f64) -> f64 {
+    pub(super) fn force(&self, height: f64, speed: f64) -> f64 {
         if height < 0.0 { (-self.stiffness_n_per_m * height - self.damping_n_s_per_m * speed).max(0.0) } else { 0.0 }
     }
 }
@@ -189,7 +189,7 @@ pub fn wall_limit(settings: &PhantomSettings, rate: f64, damping: f64) -> Result
 }
 
 /// Returns the last quiet stiffness before the first that is not: an upward search, then bisection of the logarithm.
-fn stiffest(is_quiet: impl Fn(f64) -> Result<bool, ZWidthError>) -> Result<Option<f64>, ZWidthError> {
+pub(super) fn stiffest(is_quiet: impl Fn(f64) -> Result<bool, ZWidthError>) -> Result<Option<f64>, ZWidthError> {
     let [softest, hardest] = STIFFNESSES_N_PER_M;
     let stiffness = |look: i32| softest * (hardest / softest).powf(f64::from(look) / f64::from(LOOKS));
     for look in 0..=LOOKS {
@@ -210,7 +210,7 @@ fn stiffest(is_quiet: impl Fn(f64) -> Result<bool, ZWidthError>) -> Result<Optio
 }
 
 /// Builds a vertical path through heights, m, at times, s.
-fn path(heights: &[(f64, f64)]) -> Result<TipPath, PathError> {
+pub(super) fn path(heights: &[(f64, f64)]) -> Result<TipPath, PathError> {
     TipPath::new(
         heights.iter().map(|&(time, z)| Waypoint { time, position: Vec3::new(0.0, 0.0, z) }).collect::<Vec<_>>(),
     )

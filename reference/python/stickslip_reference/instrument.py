@@ -41,7 +41,7 @@ class Phantom:
     def __init__(self, scene):
         options = scene["instrument"]
         self.device, self.h = options.device, scene.h
-        self.plant = Plant(options.device, options.hand, scene.waypoints, options.interpolation)
+        self.plant = Plant(options.device, options.hand, scene.waypoints, options.interpolation, options.structure)
         try:
             self.y = self.plant.at_rest()
         except WorkspaceError as error:
@@ -95,7 +95,7 @@ class Phantom:
 
     def state(self):
         """Further columns of the trace: the true tip in scene axes, and the energy that the hand has been given."""
-        tip = phantom.to_scene(self.device, phantom.forward(self.y[THETA]))
+        tip = phantom.to_scene(self.device, self.plant.stylus(self.y))
         return dict(zip(("device_x", "device_y", "device_z"), tip)) | {"hand_energy": self.y[ENERGY]}
 
 

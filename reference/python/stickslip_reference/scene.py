@@ -61,6 +61,8 @@ PHANTOM = {
     },
     "coupling": {"stiffness": (500.0, POSITIVE), "damping": (2.0, NOT_NEGATIVE), "mass": (0.05, POSITIVE)},
 }
+# instrument.device.structure, if there is one.
+STRUCTURE = {"stiffness": (3500.0, POSITIVE), "tip_mass": (0.01, POSITIVE), "damping_ratio": (0.05, NOT_NEGATIVE)}
 TIPS = ("quantised", "observed")  # instrument.device.tip
 ORTHOGONAL = 1e-9  # what R^T R may differ from the identity by
 
@@ -247,10 +249,11 @@ def check_instrument(instrument, default_tip):
         raise SceneError("the hand follows either instrument.waypoints or instrument.file")
     if instrument.force_limit is not OPTIONAL:
         raise SceneError("instrument.force_limit goes with a path")
-    tip = default_tip
+    tip, structure = default_tip, None
     if isinstance(instrument.device, dict):
-        tip = instrument.device.get("tip", tip)
-        instrument["device"] = {key: value for key, value in instrument.device.items() if key != "tip"}
+        tip, structure = instrument.device.get("tip", tip), instrument.device.get("structure")
+        instrument["device"] = {key: value for key, value in instrument.device.items() if key not in ("tip", "structure")}
+    instrument["structure"] = None if structure is None else read_part("device.structure", structure)
     if tip not in TIPS:
         raise SceneError(f"instrument.device.tip = {tip!r} must be one of {', '.join(TIPS)}")
     if tip == "observed" and instrument.coupling is not OPTIONAL:
@@ -275,10 +278,11 @@ def force_limit(instrument):
 
 
 def read_part(part, given):
-    if not isinstance(given, dict) or set(given) - set(PHANTOM[part]):
-        raise SceneError(f"[instrument.{part}] is a table of {', '.join(PHANTOM[part])}")
+    keys = STRUCTURE if part == "device.structure" else PHANTOM[part]
+    if not isinstance(given, dict) or set(given) - set(keys):
+        raise SceneError(f"[instrument.{part}] is a table of {', '.join(keys)}")
     return Section({key: read_number(f"instrument.{part}.{key}", given.get(key, default), default, rule)
-                    for key, (default, rule) in PHANTOM[part].items()})
+                    for key, (default, rule) in keys.items()})
 
 
 def read_number(name, value, default, rule):

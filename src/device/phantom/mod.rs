@@ -1,5 +1,6 @@
 //! A modelled PHANTOM Premium 1.5 in a user's hand. A commanded force goes through limits, quantised currents and
-//! amplifiers to the joints; joints and hand move each other; encoders measure the tip.
+//! amplifiers to the joints; joints and hand move each other; encoders measure the joints. A structure between the links
+//! and the tip in the hand is optional.
 //!
 //! Tick k runs from kh to (k + 1)h: the plant moves under the command of the tick before, held constant
 //! ([`Phantom::advance`]), the tip is measured at the tick's end, and the simulation commands the next force
@@ -11,6 +12,7 @@ pub mod hand;
 pub mod kinematics;
 pub mod observer;
 pub mod plant;
+pub mod structure;
 pub mod wall;
 
 use std::fmt;
@@ -23,6 +25,7 @@ use self::hand::HandSettings;
 use self::kinematics::{FORE_LINK, PoseError, UPPER_LINK};
 use self::observer::EncoderObserver;
 use self::plant::{Plant, PlantState};
+use self::structure::StructureSettings;
 use super::path::TipPath;
 use crate::word::words;
 use crate::{Mat3, Vec3};
@@ -90,6 +93,8 @@ pub struct PhantomSettings {
     pub joints: JointSettings,
     /// Settings of motors, encoders and limits.
     pub actuation: ActuationSettings,
+    /// What bends between the links and the tip that the hand holds; rigid if absent.
+    pub structure: Option<StructureSettings>,
     /// Settings of the user's hand.
     pub hand: HandSettings,
     /// The tip that contact sees; a scene decides by its scheme where this is `None`, and a device alone is quantised.
@@ -104,6 +109,7 @@ impl Default for PhantomSettings {
             axes: Axes::default(),
             joints: JointSettings::default(),
             actuation: ActuationSettings::default(),
+            structure: None,
             hand: HandSettings::default(),
             sensing: None,
             substeps: 10,
@@ -188,7 +194,7 @@ impl PhantomSettings {
     /// # Errors
     /// If a parameter is out of range, with the first one, or there are too few substeps.
     pub fn check(&self, tick_s: f64) -> Result<(), DeviceError> {
-        let Self { axes, joints, actuation, hand, substeps, sensing: _ } = self;
+        let Self { axes, joints, actuation, structure, hand, substeps, sensing: _ } = self;
         let positive = [
             ("the tick (s)", Vec3::repeat(tick_s)),
             ("the friction speed (rad/s)", Vec3::repeat(joints.friction_speed)),
@@ -217,6 +223,11 @@ impl PhantomSettings {
         for (name, values) in not_negative {
             require(name, &values, Needs::NotNegative)?;
         }
+        if let Some(StructureSettings { stiffness, tip_mass, damping_ratio }) = *structure {
+            require("the structure's stiffness (N/m)", &Vec3::repeat(stiffness), Needs::Positive)?;
+            require("the tip's mass (kg)", &Vec3::repeat(tip_mass), Needs::Positive)?;
+            require("the structure's damping ratio", &Vec3::repeat(damping_ratio), Needs::NotNegative)?;
+        }
         require("the scene's offset (m)", &axes.offset, Needs::Finite)?;
         let determinant_off = (axes.rotation.determinant() - 1.0).abs();
         let deviation = (axes.rotation.tr_mul(&axes.rotation) - Mat3::identity()).amax().max(determinant_off);
@@ -233,14 +244,19 @@ impl PhantomSettings {
     }
 
     /// Returns an upper bound of the rates of motion near rest, 1/s: for ẍ = −(K/m)x − (D/m)ẋ it is √(K/m) + D/m. The
-    /// bound is generous: it takes the least inertia of any pose, and the stretched links for the lever of the grip.
+    /// bound is generous: it takes the least inertia of any pose, and the stretched links for the lever of the grip. On a
+    /// structure both ends move, and their rates add up.
     fn rate_bound(&self) -> f64 {
-        let Self { joints, actuation, hand, .. } = self;
+        let Self { joints, actuation, structure, hand, .. } = self;
         let rate = |stiffness: f64, damping: f64, mass: f64| (stiffness / mass).sqrt() + damping / mass;
         let lever = (UPPER_LINK + FORE_LINK).powi(2);
         let joint_damping = (joints.damping + joints.friction / joints.friction_speed).amax();
-        let stylus_damping = lever * hand.stylus_damping.amax();
-        let of_joints = rate(lever * hand.stylus_stiffness.amax(), joint_damping + stylus_damping, LEAST_INERTIA);
+        let grip = (hand.stylus_stiffness.amax(), hand.stylus_damping.amax());
+        let (at_links, of_tip) = structure.map_or((grip, 0.0), |structure| {
+            let (stiffness, damping) = (structure.stiffness, structure.damping());
+            ((stiffness, damping), rate(stiffness + grip.0, damping + grip.1, structure.tip_mass))
+        });
+        let of_joints = rate(lever * at_links.0, joint_damping + lever * at_links.1, LEAST_INERTIA) + of_tip;
         let stiffness = hand.stylus_stiffness + hand.arm_stiffness;
         let damping = hand.stylus_damping + hand.arm_damping;
         let of_hand = rate(stiffness.amax(), damping.amax(), hand.mass.amin());
@@ -317,14 +333,16 @@ impl Phantom {
         let target = target.transformed(1.0, |point| settings.axes.point_to_device(&point));
         let angles = kinematics::inverse(&target.at(0.0)).map_err(|cause| DeviceError::Pose { time_s: 0.0, cause })?;
         let measured = settings.actuation.encode(&angles);
+        let plant = Plant { settings, target };
+        let state = plant.at_rest(angles);
         Ok(Self {
             measured,
             observer: match settings.sensing.unwrap_or_default() {
                 TipSensing::Quantised => None,
                 TipSensing::Observed => Some(EncoderObserver::new(tick_s, settings.actuation.angle_step(), measured)),
             },
-            plant: Plant { settings, target },
-            state: PlantState::at_rest(angles),
+            plant,
+            state,
             tick_s,
             command: Vec3::zeros(),
             is_saturated: false,
@@ -408,7 +426,7 @@ impl Phantom {
         self.mean_force > self.settings().actuation.continuous_force
     }
 
-    /// Returns the apparent mass at the tip along the device's x, y and z, kg: 1/(J M⁻¹ Jᵀ)ᵢᵢ, in the pose measured
+    /// Returns the apparent mass of the links at their end along the device's x, y and z, kg: 1/(J M⁻¹ Jᵀ)ᵢᵢ, in the pose measured
     /// last.
     pub fn apparent_mass_kg(&self) -> Vec3 {
         let jacobian = kinematics::jacobian(&self.measured);
@@ -419,6 +437,13 @@ impl Phantom {
             let response = joints.acceleration(&self.measured, &Vec3::zeros(), &torque) - rest;
             1.0 / torque.dot(&response)
         })
+    }
+
+    /// Returns the frequency of the structural mode along the device's x, y and z, Hz, with a tip that nobody holds and in
+    /// the pose measured last; `None` without a structure.
+    pub fn structure_frequency_hz(&self) -> Option<Vec3> {
+        let structure = self.settings().structure?;
+        Some(self.apparent_mass_kg().map(|mass| structure.frequency_hz(mass)))
     }
 
     /// Returns the largest step of the measured tip along the device's x, y and z that one count makes, m; 0 if nothing

@@ -9,8 +9,9 @@ use crate::device::instrument::InstrumentKind;
 use crate::device::path::{TipPath, Waypoint};
 use crate::device::phantom::PhantomSettings;
 use crate::device::phantom::hand::HandSettings;
+use crate::device::phantom::structure::StructureSettings;
 use crate::scene::error::Problem;
-use crate::scene::file::{CouplingTable, DeviceTable, HandTable, InstrumentTable};
+use crate::scene::file::{CouplingTable, DeviceTable, HandTable, InstrumentTable, StructureTable};
 use crate::scene::words::InstrumentName;
 use crate::{Mat3, Vec3};
 
@@ -111,8 +112,9 @@ fn phantom(device: Option<&DeviceTable>, hand: Option<&HandTable>) -> PhantomSet
         settings.hand = self::hand(hand);
     }
     let Some(table) = device else { return settings };
-    let PhantomSettings { axes, joints, actuation, sensing, substeps, .. } = &mut settings;
+    let PhantomSettings { axes, joints, actuation, structure, sensing, substeps, .. } = &mut settings;
     *sensing = table.tip;
+    *structure = table.structure.as_ref().map(self::structure);
     if let Some(rows) = table.rotation {
         axes.rotation = Mat3::from_fn(|row, column| rows[row][column]);
     }
@@ -129,6 +131,14 @@ fn phantom(device: Option<&DeviceTable>, hand: Option<&HandTable>) -> PhantomSet
     set(&mut actuation.amplifier_bandwidth, table.amplifier_bandwidth);
     set(&mut actuation.largest_force, table.largest_force);
     set(substeps, table.substeps);
+    settings
+}
+
+fn structure(table: &StructureTable) -> StructureSettings {
+    let mut settings = StructureSettings::default();
+    set(&mut settings.stiffness, table.stiffness);
+    set(&mut settings.tip_mass, table.tip_mass);
+    set(&mut settings.damping_ratio, table.damping_ratio);
     settings
 }
 
