@@ -287,12 +287,17 @@ impl MeshProblem {
             }
             MeshProblem::NotFinite { .. } => "every coordinate must be finite, also times `scale`",
             MeshProblem::Coincident { .. } => {
-                "merge them, since unmerged parts are not joined: in PyVista `mesh.clean()`, in Gmsh `Coherence Mesh;`"
+                "merge them, since unmerged parts are not joined: in PyVista `mesh.clean(tolerance=d)` joins nodes nearer than d, \
+                 in the file's unit"
             }
             MeshProblem::Flat { kind: "triangle", .. } => {
-                "remove it and join its neighbours: in PyVista `mesh.clean()`"
+                "`mesh.clean()` in PyVista removes it if two of its corners are one; else move the corner that lies on the opposite \
+                 edge away from it, or mesh again"
             }
-            MeshProblem::Flat { .. } => "mesh again with optimisation: in Gmsh `gmsh -3 -optimize`",
+            MeshProblem::Flat { .. } => {
+                "remove it if it lies at the surface, as one by a Delaunay triangulation: in PyVista \
+                 `mesh.compute_cell_sizes().threshold(v, scalars=\"Volume\")` keeps those of a volume above v; else mesh again"
+            }
             MeshProblem::Overlap { .. } => {
                 "parts of the body lie over each other, or a deformation has turned a tetrahedron inside out: remove one of \
                  them, or mesh again"
@@ -305,7 +310,7 @@ impl MeshProblem {
             }
             MeshProblem::Open { .. } => {
                 "close the holes, since a body needs an inside: in PyVista `mesh.fill_holes(size)`, or \
-                 `mesh.clean()` if it is open where parts meet"
+                 `mesh.clean(tolerance=d)` if it is open where nodes are not joined"
             }
             MeshProblem::PinchedEdge { is_separated: false, .. } | MeshProblem::Pinched { is_separated: false, .. } => {
                 "`mesh.repair = true` separates the parts there, and adds a node for each of them"

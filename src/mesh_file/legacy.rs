@@ -44,7 +44,7 @@ pub fn read(bytes: &[u8]) -> Result<Cells, Flaw> {
             b"cells" => cell_list(&mut cursor, has_offsets, &mut list)?,
             b"cell_types" => {
                 let count = cursor.word("the number of cells")?;
-                cursor.to_data();
+                cursor.begin_data();
                 list.types = cursor.indices(Number::I32, count, "the type of a cell")?;
             }
             b"polygons" => polygons(&mut cursor, has_offsets, &mut list, POLYGON)?,
@@ -89,7 +89,7 @@ fn number(cursor: &mut Cursor) -> Result<Number, Flaw> {
 fn positions(cursor: &mut Cursor) -> Result<Vec<Vec3>, Flaw> {
     let count: u64 = cursor.word("the number of points")?;
     let number = number(cursor)?;
-    cursor.to_data();
+    cursor.begin_data();
     let mut points = Vec::new();
     for _ in 0..count {
         let mut position = Vec3::zeros();
@@ -111,7 +111,7 @@ fn polygons(cursor: &mut Cursor, has_offsets: bool, list: &mut CellList, kind: u
 fn cell_list(cursor: &mut Cursor, has_offsets: bool, list: &mut CellList) -> Result<(), Flaw> {
     let first: u64 = cursor.word("the number of cells")?;
     let second: u64 = cursor.word("the size of the list of cells")?;
-    cursor.to_data();
+    cursor.begin_data();
     let start = list.connectivity.len() as u64;
     if has_offsets {
         // Offsets give where each cell begins, and where the last one ends.
@@ -134,7 +134,7 @@ fn array(cursor: &mut Cursor, name: &'static str, count: u64) -> Result<Vec<u64>
         return Err(cursor.expected(name, word));
     }
     let number = number(cursor)?;
-    cursor.to_data();
+    cursor.begin_data();
     cursor.indices(number, count, name)
 }
 
@@ -190,7 +190,7 @@ fn field(cursor: &mut Cursor) -> Result<(), Flaw> {
             }
             _ => {
                 let number = number(cursor)?;
-                cursor.to_data();
+                cursor.begin_data();
                 cursor.skip(number, count, WHAT)?;
             }
         }

@@ -109,7 +109,7 @@ struct Reader {
 impl Reader {
     fn nodes_2(&mut self, cursor: &mut Cursor, is_parametric: bool) -> Result<(), Flaw> {
         let count: u64 = cursor.word("the number of nodes")?;
-        cursor.to_data();
+        cursor.begin_data();
         for _ in 0..count {
             let number = cursor.index(Number::I32, "the number of a node")?;
             let position = position(cursor)?;
@@ -197,7 +197,7 @@ impl Reader {
 
     fn elements_2(&mut self, cursor: &mut Cursor) -> Result<(), Flaw> {
         let count: u64 = cursor.word("the number of elements")?;
-        cursor.to_data();
+        cursor.begin_data();
         if cursor.encoding == Encoding::Text {
             for _ in 0..count {
                 cursor.skip(Number::I32, 1, "the number of an element")?;

@@ -207,7 +207,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// Moves to the beginning of the data behind a keyword: binary ones begin on the next line, text goes on anywhere.
-    pub fn to_data(&mut self) {
+    pub fn begin_data(&mut self) {
         if self.encoding != Encoding::Text {
             self.line();
         }
