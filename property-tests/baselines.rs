@@ -263,6 +263,69 @@ fn only_accept_with_a_reason_changes_a_baseline_and_keeps_what_was() {
     assert_eq!(read(), "{}");
 }
 
+/// Layout and comments mean nothing; every value does.
+#[test]
+fn the_hash_of_a_scene_is_that_of_what_it_says() {
+    let hash = |text: &str| {
+        let scene = Scene::parse(text, Path::new(SCENE)).expect("a scene");
+        Provenance::of(&scene).scene_sha256
+    };
+    let text = super::GOOD;
+    assert_eq!(hash(&format!("# another comment\n{text}\n")), hash(text));
+    assert_eq!(hash(&text.replace("friction = 1.0", "friction =   1")), hash(text));
+    assert_ne!(hash(&text.replace("friction = 1.0", "friction = 1.1")), hash(text));
+
+    // What a file that the scene names says belongs to it.
+    let folder = Folder::new("check-hash");
+    let scene = text.replace("kind = \"path\"", "kind = \"recording\"\nfile = \"path.csv\"");
+    let scene: String =
+        scene.lines().filter(|line| !line.starts_with("waypoints")).map(|line| format!("{line}\n")).collect();
+    let scene = folder.write("scene.toml", &scene);
+    let with = |x: &str| {
+        folder.write("path.csv", &format!("t,x,y,z\n0.0,-0.03,0.0013,0.002\n1.2,{x},0.0013,0.002\n"));
+        Provenance::of(&Scene::load(&scene).expect("a scene")).scene_sha256
+    };
+    assert_ne!(with("0.02"), with("0.03"));
+}
+
+#[test]
+fn a_quantity_can_have_a_tolerance_of_its_own() {
+    let folder = Folder::new("check-tolerance");
+    let mut baseline = shipped(SCENE);
+    shift(value(&mut baseline, "fx", 400), 1e-6);
+    baseline["results"]["counts"]["slip_ticks"] = json!(855);
+    write(&folder, SCENE, &baseline);
+    let asked = |given: &[&str]| {
+        let (baselines, out) = (folder.path("baselines"), folder.path("out"));
+        let paths = ["--baselines", baselines.to_str().expect("text"), "--out", out.to_str().expect("text")];
+        stickslip(&[&["check", SCENE], &paths[..], given].concat())
+    };
+    assert_eq!(asked(&[]).status.code(), Some(1));
+    assert_eq!(asked(&["--tolerance", "trace fx=1e-5"]).status.code(), Some(1), "the count differs too");
+    let both = ["--tolerance", "trace fx=1e-5", "--tolerance", "slip_ticks=0.01"];
+    assert_eq!(asked(&both).status.code(), Some(0));
+    assert_eq!(asked(&["--tolerance", "trace fx=1e-9", "--tolerance", "slip_ticks=0.01"]).status.code(), Some(1));
+    for (wrong, words) in [
+        ("no such=1e-3", "no such"),
+        ("trace mode=1", "trace mode"),
+        ("fx rms", "QUANTITY=SHARE"),
+        ("fx rms=nan", "finite"),
+    ] {
+        let output = asked(&["--tolerance", wrong]);
+        assert_eq!(output.status.code(), Some(2), "{wrong}");
+        assert!(stderr(&output).contains(words), "{}", stderr(&output));
+    }
+    // In the baseline it holds without being asked for.
+    baseline["tolerances"] = json!({ "trace fx": 1e-5, "slip_ticks": 0.01 });
+    write(&folder, SCENE, &baseline);
+    assert_eq!(asked(&[]).status.code(), Some(0));
+    let output = accept(&folder, &["--reason", "wider", "--tolerance", "ft rms=1e-6"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let text = fs::read_to_string(folder.path(&format!("baselines/{SCENE}.json"))).expect("a baseline");
+    let accepted: Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!(accepted["tolerances"], json!({ "trace fx": 1e-5, "slip_ticks": 0.01, "ft rms": 1e-6 }));
+}
+
 #[test]
 fn timing_has_a_control_and_no_say_in_the_verdict() {
     let folder = Folder::new("check-time");
@@ -271,15 +334,23 @@ fn timing_has_a_control_and_no_say_in_the_verdict() {
     let timed = |against: &str, rounds: &str| {
         stickslip(&["check", "fig3-sliding", "--out", &out, "--time", "--against", against, "--rounds", rounds])
     };
+    // Programs that are not there, that do not run scenes, and that end like a run with a fault.
+    for other in ["no-such-program", "/bin/false", "/bin/echo"] {
+        let output = timed(other, "6");
+        assert_eq!(output.status.code(), Some(2), "{other}");
+        assert!(stderr(&output).contains(&format!("cannot run {other}")), "{}", stderr(&output));
+    }
     let output = timed(&this, "6");
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert_eq!(output.status.code(), Some(0), "{text}{}", stderr(&output));
     for word in ["median ratio", "96.9 % interval", "control", "the smallest detectable effect is"] {
         assert!(text.contains(word), "{word} is not in\n{text}");
     }
+    let json =
+        stickslip(&["check", "fig3-sliding", "--out", &out, "--time", "--against", &this, "--rounds", "6", "--json"]);
+    let found: Value = serde_json::from_slice(&json.stdout).expect("JSON and nothing else");
+    let times = &found["times"]["scenes"][0];
+    assert!(times["ratio"]["median"].as_f64() > Some(0.0) && times["control"]["upper"].is_number(), "{found}");
     assert_eq!(timed(&this, "5").status.code(), Some(2));
-    let output = timed("no-such-program", "6");
-    assert_eq!(output.status.code(), Some(2));
-    assert!(stderr(&output).contains("no-such-program"), "{}", stderr(&output));
     assert_eq!(stickslip(&["check", "--time"]).status.code(), Some(2));
 }

@@ -241,6 +241,15 @@ fn the_last_cross_check_is_shown_where_there_is_one() {
     let (page, json) = with(Some(check));
     assert!(["2020-02-03", "0.0.9", "abc", "a book", "1e-12"].iter().all(|word| page.contains(word)));
     assert_eq!(json["crosscheck"]["rows"][0]["quantity"], "a force");
+    // A list of failures decides, whatever the file says of itself; nothing compared is no pass.
+    let (_, json) = with(Some(&check.replace("\"failed\": []", "\"failed\": [\"traces\"]")));
+    let verdict = |json: &Value| {
+        let verdicts = json["verdicts"].as_array().expect("verdicts").clone();
+        verdicts.into_iter().find(|verdict| verdict["what"] == "cross-check").expect("one")["outcome"].clone()
+    };
+    assert_eq!(verdict(&json), "FAIL");
+    let empty = check.split("\"rows\"").next().expect("a start").to_owned() + "\"rows\": []}";
+    assert_eq!(verdict(&with(Some(&empty)).1), "INCONCLUSIVE");
     let (page, _) = with(Some(&check.replace("true, \"failed\": []", "false, \"failed\": [\"traces\"]")));
     let places = ["<b>FAIL</b>", "traces", "<b>PASS</b>"].map(|what| page.find(what));
     assert!(places.iter().all(Option::is_some) && places.is_sorted(), "{places:?}");

@@ -91,6 +91,7 @@ pub mod multirate;
 pub mod pipeline;
 
 #[doc(hidden)]
+#[cfg(feature = "files")]
 pub mod session;
 
 #[doc(hidden)]

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use miette::Diagnostic;
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 use crate::Vec3;
@@ -14,7 +15,7 @@ use crate::multirate::failsafe::Fault;
 use crate::multirate::global::Moment;
 use crate::multirate::timeline::{OverrunPolicy, RecordedTimes, Timeline};
 use crate::pipeline::{Lockstep, Simulation, TickView};
-use crate::scene::{Scene, SceneError};
+use crate::scene::{MOST_REAL_TIME_HZ, Scene, SceneError};
 
 /// The version of the session file's format.
 const FORMAT: &str = "stickslip-session-1";
@@ -154,6 +155,25 @@ impl ReplayReason {
     }
 }
 
+/// A file that a session's scene names.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SessionFile {
+    /// Path as the scene writes it.
+    pub path: PathBuf,
+    /// SHA-256 of its content, in hexadecimal.
+    pub sha256: String,
+}
+
+/// Returns the SHA-256 of some bytes, in hexadecimal.
+pub fn sha256(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// Returns the SHA-256 of a file's content; `None` if it cannot be read.
+pub fn sha256_of_file(path: &Path) -> Option<String> {
+    fs::read(path).ok().map(|content| sha256(&content))
+}
+
 /// A recorded session: the scene, what decides the course of its runs, and their results.
 ///
 /// ```
@@ -190,10 +210,13 @@ pub struct Session {
     format: String,
     /// Version of the program that recorded the session.
     pub version: String,
-    /// Path of the scene; files that the scene names are relative to it.
+    /// Path of the scene; files that the scene names are relative to it, or else to the session's own file.
     pub scene_path: PathBuf,
     /// The scene's TOML.
     pub scene: String,
+    /// Mesh and recording that the scene names.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub files: Vec<SessionFile>,
     /// Rate of the local loop, Hz; it may override the scene's.
     pub rate_hz: f64,
     /// Policy for missed deadlines.
@@ -203,6 +226,9 @@ pub struct Session {
     /// Ticks worth replaying.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub worst: Vec<TickToReplay>,
+    /// Folder that the session was read from.
+    #[serde(skip)]
+    folder: Option<PathBuf>,
 }
 
 /// A reason why a session cannot be replayed.
@@ -234,6 +260,25 @@ pub enum SessionError {
         path: PathBuf,
         /// Format named in the file.
         found: String,
+    },
+    /// There is no tick to replay.
+    #[error("there is nothing to replay: no pass has a tick")]
+    #[diagnostic(help("record a run that is not stopped before its first tick"))]
+    Nothing,
+    /// Parts of the session contradict each other.
+    #[error("the session cannot be replayed: {0}")]
+    #[diagnostic(help("it was changed or damaged: record it again"))]
+    Damaged(String),
+    /// A file that the scene names is missing or has another content.
+    #[error("{path} is missing or has another content than it had when the session was recorded")]
+    #[diagnostic(help(
+        "put the file with the SHA-256 {sha256} there, or beside the session at the same relative path"
+    ))]
+    OtherFile {
+        /// Path of the file, from the recorded path of the scene.
+        path: PathBuf,
+        /// SHA-256 of the file that was recorded.
+        sha256: String,
     },
     /// The session's scene is not accepted.
     #[error(transparent)]
@@ -271,10 +316,19 @@ impl Session {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             scene_path: std::path::absolute(scene.path_name()).unwrap_or_else(|_| scene.path_name().to_owned()),
             scene: scene.text().unwrap_or_default().to_owned(),
+            files: scene
+                .named_files()
+                .into_iter()
+                .map(|path| {
+                    let sha256 = sha256_of_file(&scene.folder().join(&path)).unwrap_or_default();
+                    SessionFile { path, sha256 }
+                })
+                .collect(),
             rate_hz: scene.local_rate_hz(),
             overrun,
             passes: Vec::new(),
             worst: Vec::new(),
+            folder: None,
         }
     }
 
@@ -285,24 +339,84 @@ impl Session {
     pub fn load(path: &Path) -> Result<Self, SessionError> {
         let text =
             fs::read_to_string(path).map_err(|source| SessionError::Unreadable { path: path.to_owned(), source })?;
-        let session: Self = serde_json::from_str(&text)
+        let mut session: Self = serde_json::from_str(&text)
             .map_err(|source| SessionError::NotASession { path: path.to_owned(), source })?;
         if session.format != FORMAT {
             return Err(SessionError::Format { path: path.to_owned(), found: session.format });
         }
+        session.folder = path.parent().map(Path::to_owned);
         Ok(session)
     }
 
-    /// Builds the session's scene at its recorded rate.
+    /// Builds the session's scene at its recorded rate, with the files that it was recorded with.
     ///
     /// # Errors
-    /// If the text is not a valid scene, as where the scene was built in Rust, or names a file that no longer exists.
-    pub fn scene(&self) -> Result<Scene, SceneError> {
-        let scene = Scene::parse(&self.scene, &self.scene_path)?;
+    /// If the text is not a valid scene, as where the scene was built in Rust, or names a file that is neither where it was
+    /// nor beside the session, or no loop in real time has the session's rate.
+    pub fn scene(&self) -> Result<Scene, SessionError> {
+        if !(self.rate_hz <= MOST_REAL_TIME_HZ) {
+            let most = MOST_REAL_TIME_HZ;
+            return Err(SessionError::Damaged(format!(
+                "`rate_hz` is {}, and a loop in real time has at most {most} Hz",
+                self.rate_hz
+            )));
+        }
+        let scene = Scene::parse(&self.scene, &self.path_with_files()?)?;
         let is_own_rate = scene.local_rate_hz().to_bits() == self.rate_hz.to_bits();
         let mut scene = if is_own_rate { scene } else { scene.with_local_rate_hz(self.rate_hz)? };
         scene.deadline.overrun = self.overrun;
         Ok(scene)
+    }
+
+    /// Returns a path of the scene from which all files that it names are those of the recording: the recorded path, or
+    /// else one beside the session, as on another machine.
+    fn path_with_files(&self) -> Result<PathBuf, SessionError> {
+        let name = self.scene_path.file_name().unwrap_or_default();
+        let beside = self.folder.as_ref().map(|folder| folder.join(name));
+        let other = |path: &Path| {
+            let folder = path.parent().unwrap_or(Path::new(""));
+            self.files.iter().find(|file| sha256_of_file(&folder.join(&file.path)).as_ref() != Some(&file.sha256))
+        };
+        let Some(missing) = other(&self.scene_path) else { return Ok(self.scene_path.clone()) };
+        match beside.filter(|path| other(path).is_none()) {
+            Some(path) => Ok(path),
+            None => Err(SessionError::OtherFile {
+                path: self.scene_path.parent().unwrap_or(Path::new("")).join(&missing.path),
+                sha256: missing.sha256.clone(),
+            }),
+        }
+    }
+
+    /// Checks that there is something to replay and that the recording fits the scene and itself.
+    ///
+    /// # Errors
+    /// If there is nothing to replay, or a part contradicts another one.
+    pub fn check(&self, scene: &Scene) -> Result<(), SessionError> {
+        let damaged = |what: String| Err(SessionError::Damaged(what));
+        if self.passes.iter().all(|pass| pass.ticks == 0 && pass.fault.is_none()) {
+            return Err(SessionError::Nothing);
+        }
+        for RecordedPass { pass, ticks, times, tape, .. } in &self.passes {
+            let path = scene.tick_count();
+            if *ticks > path {
+                return damaged(format!("pass {pass} has {ticks} ticks, and the scene's path {path}"));
+            }
+            if !tape.is_empty() && tape.len() as u64 != *ticks {
+                return damaged(format!("pass {pass} has {ticks} ticks, and forces of {}", tape.len()));
+            }
+            for (what, list) in [("late", &times.late), ("skipped", &times.skipped)] {
+                if !list.is_sorted_by(|a, b| a < b) || list.last().is_some_and(|tick| tick >= ticks) {
+                    return damaged(format!("the {what} ticks of pass {pass} are not ascending numbers below {ticks}"));
+                }
+            }
+        }
+        for TickToReplay { pass, tick, .. } in &self.worst {
+            let of = self.passes.iter().find(|recorded| recorded.pass == *pass);
+            if of.is_none_or(|recorded| *tick >= recorded.ticks + u64::from(recorded.fault.is_some())) {
+                return damaged(format!("tick {tick} of pass {pass} is to be timed, and was not recorded"));
+            }
+        }
+        Ok(())
     }
 
     /// Prepares a run with the recorded times of a pass.

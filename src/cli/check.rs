@@ -1,5 +1,6 @@
 //! `stickslip check`: results compared with accepted baselines.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -8,7 +9,7 @@ use comfy_table::{Table, presets::UTF8_FULL_CONDENSED};
 use serde::Serialize;
 
 use super::progress::Progress;
-use super::terminal::{complain, hand_out, say, wants_json};
+use super::terminal::{complain, hand_out, say};
 use super::{FAIL, PASS, load, time};
 use crate::output::files::{WriteError, write_json};
 use crate::scene::{SHIPPED, Scene, SceneError};
@@ -39,6 +40,10 @@ pub struct CheckArguments {
     /// Reason why the accepted results are right; kept in the baseline with the values that they replace
     #[arg(long, value_name = "TEXT", requires = "accept", value_parser = reason)]
     reason: Option<String>,
+    /// Let a quantity differ from its baseline by this share of its size (default 1e-9, and 0 for counts); names are those of
+    /// check.json. With --accept, the baseline keeps it
+    #[arg(long = "tolerance", value_name = "QUANTITY=SHARE", value_parser = tolerance)]
+    tolerances: Vec<(String, f64)>,
     /// Also compare the run times of this program and another one; the verdict does not depend on them
     #[arg(long, requires = "against")]
     time: bool,
@@ -54,6 +59,12 @@ fn reason(text: &str) -> Result<String, String> {
     if text.trim().is_empty() { Err("state what changed and why it is right".to_owned()) } else { Ok(text.to_owned()) }
 }
 
+fn tolerance(text: &str) -> Result<(String, f64), String> {
+    let (name, share) = text.rsplit_once('=').ok_or("give QUANTITY=SHARE, as in \"fx rms=1e-6\"")?;
+    let share = share.trim().parse().ok().filter(|share: &f64| share.is_finite() && *share >= 0.0);
+    Ok((name.trim().to_owned(), share.ok_or("the share has to be a finite number of at least 0")?))
+}
+
 fn rounds(text: &str) -> Result<usize, String> {
     let rounds = text.parse().ok().filter(|rounds| (FEWEST_PAIRS..=MOST_PAIRS).contains(rounds));
     rounds.ok_or_else(|| format!("give a whole number from {FEWEST_PAIRS} to {MOST_PAIRS}"))
@@ -66,6 +77,9 @@ struct CheckFile<'a> {
     verdict: &'static str,
     baselines: String,
     scenes: &'a [Checked],
+    /// Run times compared with those of another program; absent without --time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    times: Option<time::Compared>,
 }
 
 /// Outcome of `--accept`.
@@ -95,10 +109,11 @@ pub struct Checked {
 }
 
 impl Checked {
-    fn new(store: &Store, scene: &Scene, results: &Results) -> Self {
+    fn new(store: &Store, scene: &Scene, results: &Results, tolerances: &BTreeMap<String, f64>) -> Self {
         let provenance = Provenance::of(scene);
         let (baseline_provenance, comparisons, problem) = match store.load(&scene.name) {
-            Ok(baseline) => {
+            Ok(mut baseline) => {
+                baseline.tolerances.extend(tolerances.clone());
                 let comparisons = compare(&baseline, &provenance, results);
                 (Some(baseline.provenance), comparisons, None)
             }
@@ -127,11 +142,12 @@ fn verdict(passes: bool) -> &'static str {
 }
 
 pub fn check(arguments: &CheckArguments) -> miette::Result<u8> {
-    if arguments.time && wants_json() {
-        return Err(miette::miette!(help = "omit --json or --time", "run times are printed as text only"));
-    }
+    let tolerances: BTreeMap<String, f64> = arguments.tolerances.iter().cloned().collect();
     if let (Some(scene), Some(reason)) = (&arguments.accept, &arguments.reason) {
-        return accept_results(scene, reason, arguments.baselines.as_deref());
+        return accept_results(scene, reason, &tolerances, arguments.baselines.as_deref());
+    }
+    if let Some(against) = &arguments.against {
+        time::probe(against)?;
     }
     let shipped = SHIPPED.iter().map(|shipped| shipped.name.into());
     let scenes = if arguments.scenes.is_empty() { shipped.collect() } else { arguments.scenes.clone() };
@@ -149,9 +165,13 @@ pub fn check(arguments: &CheckArguments) -> miette::Result<u8> {
         progress.begin(&scene.name);
         let results = Results::of(scene, |ticks| progress.set(ticks))?;
         progress.end(scene.tick_count());
-        checked.push(Checked::new(&store, scene, &results));
+        checked.push(Checked::new(&store, scene, &results, &tolerances));
     }
     drop(progress);
+    let compared = checked.iter().flat_map(|scene| &scene.comparisons);
+    if checked.iter().any(|scene| scene.problem.is_none()) {
+        known(&tolerances, compared)?;
+    }
 
     let passes = checked.iter().all(|scene| scene.verdict == verdict(true));
     let out = &arguments.out;
@@ -160,23 +180,41 @@ pub fn check(arguments: &CheckArguments) -> miette::Result<u8> {
         Store::Folder(folder) => folder.display().to_string(),
         Store::Program => "in the program".to_owned(),
     };
-    let file = CheckFile { version: env!("CARGO_PKG_VERSION"), verdict: verdict(passes), baselines, scenes: &checked };
-    write_json(&out.join("check.json"), &file)?;
-
-    hand_out(&file)?;
     say(verdict_table(&checked))?;
     if let Some(table) = change_table(&checked) {
         say(table)?;
     }
     say(format_args!("{}: all quantities are in {}", verdict(passes), out.join("check.json").display()))?;
-
-    if let Some(against) = &arguments.against {
-        time::compare(&scenes, against, arguments.rounds)?;
-    }
+    let against = arguments.against.as_ref();
+    let times = against.map(|against| time::compare(&scenes, against, arguments.rounds)).transpose()?;
+    let version = env!("CARGO_PKG_VERSION");
+    let file = CheckFile { version, verdict: verdict(passes), baselines, scenes: &checked, times };
+    write_json(&out.join("check.json"), &file)?;
+    hand_out(&file)?;
     Ok(if passes { PASS } else { FAIL })
 }
 
-fn accept_results(scene: &Path, reason: &str, folder: Option<&Path>) -> miette::Result<u8> {
+/// Refuses tolerances of quantities that no scene has, or that are no numbers.
+fn known<'a>(
+    tolerances: &BTreeMap<String, f64>,
+    compared: impl Iterator<Item = &'a Comparison> + Clone,
+) -> miette::Result<()> {
+    let is_known = |name: &str| compared.clone().any(|each| each.quantity == name && each.is_numeric());
+    match tolerances.keys().find(|name| !is_known(name)) {
+        None => Ok(()),
+        Some(name) => Err(miette::miette!(
+            help = "names of quantities are those of check.json, as `fx rms`, `trace fn` or `work: matrix_products`",
+            "no number is called `{name}`, so that it cannot have a tolerance"
+        )),
+    }
+}
+
+fn accept_results(
+    scene: &Path,
+    reason: &str,
+    tolerances: &BTreeMap<String, f64>,
+    folder: Option<&Path>,
+) -> miette::Result<u8> {
     let scene = load(scene)?;
     let folder = match folder {
         Some(folder) => folder,
@@ -197,7 +235,10 @@ fn accept_results(scene: &Path, reason: &str, folder: Option<&Path>) -> miette::
     }
     let present = Store::Folder(folder.to_owned()).load(&scene.name);
     let mut found = Accepted { scene: &scene.name, baseline: None, replaced: 0 };
-    match accept(present, &scene, results, reason)? {
+    if let Ok(present) = &present {
+        known(tolerances, compare(present, &Provenance::of(&scene), &results).iter())?;
+    }
+    match accept(present, &scene, results, tolerances, reason)? {
         None => say(format_args!("{}: all results equal the baseline, which is unchanged", scene.name))?,
         Some(baseline) => {
             let path = baseline.save(folder)?;

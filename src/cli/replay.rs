@@ -32,6 +32,7 @@ struct Went {
 pub fn replay(file: &Path) -> miette::Result<u8> {
     let session = Session::load(file)?;
     let scene = session.scene()?;
+    session.check(&scene)?;
     Simulation::prepare(&scene)?;
     let mut progress = Progress::new(session.passes.iter().map(|pass| pass.ticks).sum(), "ticks");
     let mut passes = Vec::new();

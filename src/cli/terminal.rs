@@ -36,11 +36,6 @@ pub fn shows_progress() -> bool {
     !asked().quiet
 }
 
-/// Returns whether the findings are printed as JSON.
-pub fn wants_json() -> bool {
-    asked().json
-}
-
 /// Prints a line of text, unless the output is JSON or nothing.
 pub fn say(text: impl Display) -> miette::Result<()> {
     let Asked { quiet, json } = asked();

@@ -23,7 +23,7 @@ pub enum AcceptError {
     Baseline(BaselineError),
 }
 
-/// Returns the baseline after `results` are accepted; `None` if nothing changes.
+/// Returns the baseline after `results` and `tolerances` are accepted; `None` if nothing changes. Earlier tolerances stay.
 ///
 /// # Errors
 /// If no reason is given, or the present baseline cannot be read.
@@ -36,12 +36,13 @@ pub enum AcceptError {
 /// let present = Store::Program.load(&scene.name)?;
 /// let mut results = present.results.clone();
 /// // Identical results change nothing.
-/// assert_eq!(accept(Store::Program.load(&scene.name), &scene, results.clone(), "try")?, None);
+/// let none = std::collections::BTreeMap::new();
+/// assert_eq!(accept(Store::Program.load(&scene.name), &scene, results.clone(), &none, "try")?, None);
 /// // Others come in with a reason, and what they replace stays on record.
 /// results.counts.insert("collisions".to_owned(), 99);
-/// let error = accept(Store::Program.load(&scene.name), &scene, results.clone(), " ");
+/// let error = accept(Store::Program.load(&scene.name), &scene, results.clone(), &none, " ");
 /// assert!(matches!(error, Err(AcceptError::NoReason)));
-/// let accepted = accept(Store::Program.load(&scene.name), &scene, results, "a bouncing tip")?;
+/// let accepted = accept(Store::Program.load(&scene.name), &scene, results, &none, "a bouncing tip")?;
 /// let last = accepted.and_then(|baseline| baseline.accepted.into_iter().last()).expect("it has changed");
 /// assert_eq!(last.reason, "a bouncing tip");
 /// assert_eq!(last.previous["collisions"], present.results.counts["collisions"]);
@@ -51,26 +52,29 @@ pub fn accept(
     present: Result<Baseline, BaselineError>,
     scene: &Scene,
     results: Results,
+    tolerances: &BTreeMap<String, f64>,
     reason: &str,
 ) -> Result<Option<Baseline>, AcceptError> {
     if reason.trim().is_empty() {
         return Err(AcceptError::NoReason);
     }
     let provenance = Provenance::of(scene);
-    let (mut accepted, previous) = match present {
-        Err(BaselineError::Missing(_)) => (Vec::new(), BTreeMap::new()),
+    let (mut accepted, mut own, previous) = match present {
+        Err(BaselineError::Missing(_)) => (Vec::new(), BTreeMap::new(), BTreeMap::new()),
         Err(error) => return Err(AcceptError::Baseline(error)),
         Ok(present) => {
             let changed = compare(&present, &provenance, &results);
             let changed = changed.into_iter().filter(|comparison| comparison.outcome != ComparisonOutcome::Identical);
             let previous: BTreeMap<_, _> = changed.map(|c| (c.quantity, c.baseline)).collect();
-            if previous.is_empty() {
+            if previous.is_empty() && tolerances.iter().all(|(name, value)| present.tolerances.get(name) == Some(value))
+            {
                 return Ok(None);
             }
-            (present.accepted, previous)
+            (present.accepted, present.tolerances, previous)
         }
     };
     let version = provenance.version.clone();
     accepted.push(Acceptance { reason: reason.trim().to_owned(), version, previous });
-    Ok(Some(Baseline { scene: scene.name.clone(), provenance, accepted, results }))
+    own.extend(tolerances.clone());
+    Ok(Some(Baseline { scene: scene.name.clone(), provenance, accepted, tolerances: own, results }))
 }

@@ -6,12 +6,12 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 use super::results::Results;
 use crate::output::files::{WriteError, write_json};
 use crate::scene::Scene;
+use crate::session::{sha256, sha256_of_file};
 
 /// Why no baseline could be loaded.
 #[derive(Debug, Error)]
@@ -47,7 +47,7 @@ pub enum BaselineError {
 /// let sliding = Provenance::of(&Scene::shipped("fig3-sliding").expect("shipped with the program"));
 /// let sticking = Provenance::of(&Scene::shipped("fig4-sticking").expect("shipped with the program"));
 /// assert_eq!(sliding.scene_sha256.len(), 64);
-/// assert_ne!(sliding.scene_sha256, sticking.scene_sha256); // another text
+/// assert_ne!(sliding.scene_sha256, sticking.scene_sha256); // other settings
 /// assert_eq!(sliding.cpu_features, sticking.cpu_features); // the same machine
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -55,7 +55,7 @@ pub enum BaselineError {
 pub struct Provenance {
     /// Version of the program.
     pub version: String,
-    /// SHA-256 of the scene's text, in hexadecimal.
+    /// SHA-256 of the scene's settings, without comments and layout, and of the files that it names; in hexadecimal.
     pub scene_sha256: String,
     /// Architecture and operating system.
     pub target: String,
@@ -87,6 +87,10 @@ pub struct Baseline {
     pub provenance: Provenance,
     /// Acceptances, oldest first.
     pub accepted: Vec<Acceptance>,
+    /// Tolerances of quantities that need another one than [`SCALED_TOLERANCE`](super::compare::SCALED_TOLERANCE), by the
+    /// names of [`Comparison`](super::compare::Comparison), relative to the quantity's size.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub tolerances: BTreeMap<String, f64>,
     /// The accepted results.
     pub results: Results,
 }
@@ -189,12 +193,14 @@ impl Baseline {
 impl Provenance {
     /// Describes this program on this machine, and a scene.
     pub fn of(scene: &Scene) -> Self {
-        // A scene that was built in Rust has no text, so its `Debug` output stands for it.
-        let text = scene.text().map_or_else(|| format!("{scene:?}"), str::to_owned);
-        let hash = Sha256::digest(text.as_bytes());
+        let mut meaning = scene.meaning();
+        for file in scene.named_files() {
+            let found = sha256_of_file(&scene.folder().join(file));
+            meaning.push_str(found.as_deref().unwrap_or("unreadable"));
+        }
         Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            scene_sha256: hash.iter().map(|byte| format!("{byte:02x}")).collect(),
+            scene_sha256: sha256(meaning.as_bytes()),
             target: format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS),
             compiled_features: listed(&[
                 ("sse2", cfg!(target_feature = "sse2")),

@@ -65,6 +65,22 @@ impl Comparison {
         Self { quantity: quantity.into(), baseline, now, difference, tolerance, first_tick: None, outcome }
     }
 
+    /// Lets a count differ by this share of its baseline.
+    fn allowing(mut self, relative: Option<f64>) -> Self {
+        if let (Some(relative), Some(before)) = (relative, self.baseline.as_f64()) {
+            self.tolerance = Number(relative * before);
+            if self.outcome == ComparisonOutcome::Fail && self.difference.0.abs() <= self.tolerance.0 {
+                self.outcome = ComparisonOutcome::Within;
+            }
+        }
+        self
+    }
+
+    /// Returns whether the quantity is a number, which can have a tolerance.
+    pub fn is_numeric(&self) -> bool {
+        self.baseline.is_number() || self.now.is_number()
+    }
+
     fn number(quantity: impl Into<String>, baseline: f64, now: f64, tolerance: f64) -> Self {
         Self {
             quantity: quantity.into(),
@@ -115,7 +131,9 @@ fn judge(baseline: f64, now: f64, tolerance: f64) -> ComparisonOutcome {
 pub fn compare(baseline: &Baseline, provenance: &Provenance, now: &Results) -> Vec<Comparison> {
     let before = &baseline.results;
     let sizes = Sizes::of(before);
-    let mut all = trace(before, now, &sizes);
+    let relative = |name: &str| baseline.tolerances.get(name).copied();
+    let scaled = |name: &str| relative(name).unwrap_or(SCALED_TOLERANCE);
+    let mut all = trace(before, now, &sizes, &scaled);
     let beyond: BTreeMap<String, u64> =
         all.iter().filter_map(|c| Some((c.quantity.strip_prefix("trace ")?.to_owned(), c.first_tick?))).collect();
     let diverged = all.iter().filter_map(|comparison| comparison.first_tick).min();
@@ -125,10 +143,10 @@ pub fn compare(baseline: &Baseline, provenance: &Provenance, now: &Results) -> V
         Comparison::exact("fault", fault(before), fault(now)),
     ];
     for (name, before, now) in joined(&before.counts, &now.counts) {
-        rest.push(Comparison::exact(name, json!(before), json!(now)));
+        rest.push(Comparison::exact(name, json!(before), json!(now)).allowing(relative(name)));
     }
     for (name, before, now) in joined(&before.summary, &now.summary) {
-        let tolerance = SCALED_TOLERANCE * sizes.of_summary(name);
+        let tolerance = scaled(name) * sizes.of_summary(name);
         rest.push(Comparison::number(name, value(before), value(now), tolerance));
     }
     for comparison in rest.iter_mut().filter(|comparison| comparison.outcome == ComparisonOutcome::Fail) {
@@ -139,8 +157,9 @@ pub fn compare(baseline: &Baseline, provenance: &Provenance, now: &Results) -> V
         for i in 0..4 {
             let of = |s: &Option<[(&'static str, f64); 4]>| s.map_or(f64::NAN, |s| s[i].1);
             let statistic = ["min", "max", "mean", "rms"][i];
-            let tolerance = SCALED_TOLERANCE * sizes.of_trace(name);
-            let mut comparison = Comparison::number(format!("{name} {statistic}"), of(&before), of(&now), tolerance);
+            let quantity = format!("{name} {statistic}");
+            let tolerance = scaled(&quantity) * sizes.of_trace(name);
+            let mut comparison = Comparison::number(quantity, of(&before), of(&now), tolerance);
             if comparison.outcome == ComparisonOutcome::Fail {
                 comparison.first_tick = beyond.get(name).copied().or(diverged);
             }
@@ -148,7 +167,9 @@ pub fn compare(baseline: &Baseline, provenance: &Provenance, now: &Results) -> V
         }
     }
     for (name, before, now) in joined(&before.work, &now.work) {
-        let mut comparison = Comparison::exact(format!("work: {name}"), json!(before), json!(now));
+        let quantity = format!("work: {name}");
+        let allowed = relative(&quantity);
+        let mut comparison = Comparison::exact(quantity, json!(before), json!(now)).allowing(allowed);
         if let (Some(before), Some(now)) = (before, now)
             && now < before
         {
@@ -215,7 +236,7 @@ impl<'a> Sizes<'a> {
 }
 
 /// Compares the thinned traces tick by tick. Ticks that one of them lacks fail under the name "trace ticks".
-fn trace(before: &Results, now: &Results, sizes: &Sizes) -> Vec<Comparison> {
+fn trace(before: &Results, now: &Results, sizes: &Sizes, scaled: &impl Fn(&str) -> f64) -> Vec<Comparison> {
     let ticks = |results: &Results| results.trace.iter().map(|tick| tick.tick).collect::<Vec<_>>();
     let (ticks_before, ticks_now) = (ticks(before), ticks(now));
     let mut kept = Comparison::exact("trace ticks", json!(ticks_before.len()), json!(ticks_now.len()));
@@ -239,7 +260,8 @@ fn trace(before: &Results, now: &Results, sizes: &Sizes) -> Vec<Comparison> {
         let at = |tick: &KeptTick, place: Option<usize>| value(place.and_then(|i| tick.values.get(i)));
         let (place_before, place_now) = (place(before), place(now));
         let values = pairs.iter().map(|(a, b)| (a.tick, at(a, place_before), at(b, place_now)));
-        all.push(number_trace(quantity, values, SCALED_TOLERANCE * sizes.of_trace(quantity)));
+        let tolerance = scaled(&format!("trace {quantity}")) * sizes.of_trace(quantity);
+        all.push(number_trace(quantity, values, tolerance));
     }
     all
 }

@@ -51,11 +51,17 @@ pub fn read() -> Result<CrossCheck, String> {
 
 pub fn verdict(found: &Result<CrossCheck, String>) -> Verdict {
     let (outcome, reason) = match found {
-        Ok(CrossCheck { passed: true, rows, date, .. }) => {
-            (VerdictStatus::Pass, format!("{} quantities agreed with independent references on {date}", rows.len()))
+        // What failed decides, whatever the file says of itself.
+        Ok(CrossCheck { passed, failed, date, .. }) if !passed || !failed.is_empty() => {
+            let what = if failed.is_empty() { "the file does not list what".to_owned() } else { failed.join(", ") };
+            (VerdictStatus::Fail, format!("failed on {date}: {what}"))
         }
-        Ok(CrossCheck { failed, date, .. }) => {
-            (VerdictStatus::Fail, format!("failed on {date}: {}", failed.join(", ")))
+        Ok(CrossCheck { rows, date, .. }) if rows.is_empty() => (
+            VerdictStatus::Inconclusive,
+            format!("nothing was compared on {date}; run reference/verify without --offline"),
+        ),
+        Ok(CrossCheck { rows, date, .. }) => {
+            (VerdictStatus::Pass, format!("{} quantities agreed with independent references on {date}", rows.len()))
         }
         Err(reason) => (VerdictStatus::Inconclusive, reason.clone()),
     };

@@ -63,7 +63,7 @@ fn machine() -> Vec<(&'static str, String)> {
     vec![("system", format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS))]
 }
 
-const HEAD: [&str; 5] = ["scene", "text of the scene (SHA-256)", "ticks", "run time (s)", "parts omitted"];
+const HEAD: [&str; 5] = ["scene", "settings of the scene (SHA-256)", "ticks", "run time (s)", "parts omitted"];
 
 pub fn section(origin: &Origin, reported: &[Reported]) -> Markup {
     let row = |r: &Reported| {

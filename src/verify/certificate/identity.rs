@@ -3,11 +3,11 @@
 use std::time::SystemTime;
 
 use serde::Serialize;
-use sha2::{Digest, Sha256};
 
 use crate::model::mesh::Mesh;
 use crate::realtime::machine::Machine;
 use crate::scene::Scene;
+use crate::session::sha256;
 use crate::verify::baseline::Provenance;
 
 /// Identity of a measurement. Equal hashes stand for equal things; what is not known is `None`.
@@ -50,18 +50,14 @@ impl Identity {
             scene_sha256: Provenance::of(scene).scene_sha256,
             mesh_sha256: mesh_sha256(&scene.mesh.mesh()),
             program_sha256: machine.program_sha256.clone(),
-            machine_sha256: hex(Sha256::digest(format!("{hardware:?}"))),
+            machine_sha256: sha256(format!("{hardware:?}").as_bytes()),
         }
     }
 }
 
-fn hex(digest: impl AsRef<[u8]>) -> String {
-    digest.as_ref().iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
 fn mesh_sha256(mesh: &Mesh) -> String {
-    let mut hash = Sha256::new();
-    mesh.nodes.iter().flat_map(|node| node.iter()).for_each(|x| hash.update(x.to_bits().to_le_bytes()));
-    mesh.edges.iter().flatten().chain(mesh.triangles.iter().flatten()).for_each(|node| hash.update(node.to_le_bytes()));
-    hex(hash.finalize())
+    let positions = mesh.nodes.iter().flat_map(|node| node.iter()).flat_map(|x| x.to_bits().to_le_bytes());
+    let nodes = mesh.edges.iter().flatten().chain(mesh.triangles.iter().flatten());
+    let bytes: Vec<u8> = positions.chain(nodes.flat_map(|node| node.to_le_bytes())).collect();
+    sha256(&bytes)
 }
