@@ -105,7 +105,8 @@ pub fn grid(refinement: usize) -> Vec<Combination> {
     grid
 }
 
-/// Returns the drag with the whole network at the haptic rate, over another surface with another scheme.
+/// Returns the drag with the whole network at the haptic rate, over another surface with another scheme, and without a limit of the
+/// contact force.
 ///
 /// ```
 /// use stickslip::{contact::rules::Scheme, surface::geometry::ContactSurface};
@@ -118,7 +119,10 @@ pub fn grid(refinement: usize) -> Vec<Combination> {
 /// # Ok::<(), stickslip::scene::SceneError>(())
 /// ```
 pub fn whole(scene: &Scene, surface: ContactSurface, scheme: Scheme) -> Scene {
-    scene.clone().with_full_model().with_surface(surface).with_scheme(scheme)
+    let mut whole = scene.clone().with_full_model().with_surface(surface).with_scheme(scheme);
+    // It drives no device, and the velocity scheme's impacts grow as 1/h.
+    whole.force_limit_n = f64::MAX;
+    whole
 }
 
 /// Divides a scene's block further, with the same material.
