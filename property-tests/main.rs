@@ -21,6 +21,7 @@ mod linearization;
 mod massless;
 mod mesh_files;
 mod mesh_formats;
+mod mesh_mutations;
 mod multirate;
 mod nearest;
 mod network;
