@@ -116,7 +116,7 @@ pub(super) enum ToGlobal {
     /// The global side of a pass of this many ticks, before all its cycles.
     Side { pass: u32, side: Box<GlobalSide>, ticks: u64 },
     /// A cycle that has passed.
-    Cycle(PastCycle),
+    Cycle(Box<PastCycle>),
 }
 
 /// Empties the ring until `done`, so that the path waits in memory of any size while the global side computes.
@@ -124,7 +124,7 @@ pub(super) fn take_in(mut intake: Intake, queue: &Sender<ToGlobal>, idle: Durati
     loop {
         let is_done = done.load(Ordering::Acquire);
         while let Some(cycle) = intake.next_cycle() {
-            if queue.send(ToGlobal::Cycle(cycle)).is_err() {
+            if queue.send(ToGlobal::Cycle(Box::new(cycle))).is_err() {
                 return;
             }
         }
@@ -152,7 +152,7 @@ pub(super) fn build_models(
                 ToGlobal::Cycle(cycle) => {
                     // A pass that is over needs no model.
                     passed.retain(|earlier| earlier.pass == cycle.pass);
-                    passed.push(cycle);
+                    passed.push(*cycle);
                 }
             }
         }

@@ -86,7 +86,7 @@ pub struct Times {
 
 impl Times {
     /// Prepares an empty distribution.
-    #[expect(clippy::new_without_default, reason = "it allocates")]
+    #[allow(clippy::new_without_default, reason = "it allocates")]
     pub fn new() -> Self {
         let histogram = Histogram::new_with_max(LONGEST_NS, DIGITS);
         Self { histogram: histogram.expect("the bounds are constants that it accepts"), max_ns: 0 }
