@@ -558,6 +558,34 @@ fn bad_recordings_are_named_with_their_line() {
     }
 }
 
+/// A recording in mm, and one on another clock: the run completes, and its summary has what is suspicious by name.
+#[test]
+fn recordings_in_other_units_are_warned_of() {
+    let folder = Folder::new("recording-units");
+    let text = GOOD
+        .replace("kind = \"path\" ", "kind = \"recording\"\nfile = \"tip.csv\" ")
+        .replace("duration = 1.2", "duration = 0.4")
+        .replace("waypoints", "# waypoints");
+    let scene = folder.write("scene.toml", &text);
+    let codes = || -> Vec<String> {
+        let output = run(&scene, &folder.path("out"));
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let summary = fs::read(folder.path("out/summary.json")).expect("a summary");
+        let summary: serde_json::Value = serde_json::from_slice(&summary).expect("JSON");
+        let warnings = summary["warnings"].as_array().expect("a list");
+        assert!(warnings.iter().all(|w| stderr(&output).contains(w["message"].as_str().expect("a message"))));
+        warnings.iter().map(|warning| warning["code"].as_str().expect("a code").to_owned()).collect()
+    };
+    folder.write("tip.csv", "t,x,y,z\n0,0,0.0013,0.002\n0.2,0,0.0013,-0.003\n0.4,0.01,0.0013,-0.003\n");
+    assert_eq!(codes(), [""; 0]);
+    folder.write("tip.csv", "t,x,y,z\n0,0,1.3,2.0\n0.2,0,1.3,-3.0\n0.4,10,1.3,-3.0\n");
+    assert_eq!(codes(), ["patch-speed", "tip-far", "never-touches"]);
+    folder.write("tip.csv", "t,x,y,z\n1.7e9,0,0.0013,0.002\n1700000000.4,0,0.0013,-0.003\n");
+    assert_eq!(codes(), ["recording-outside-run", "never-touches"]);
+    folder.write("tip.csv", "t,x,y,z\n0,0,0.0013,0.002\n0.1,0,0.0013,-0.003\n");
+    assert_eq!(codes(), ["recording-outside-run"]);
+}
+
 /// Programs find the cause of an error as its source, whatever the error is wrapped in.
 #[test]
 fn errors_keep_their_sources() {

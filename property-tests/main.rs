@@ -32,6 +32,7 @@ mod phantom;
 mod phantom_motion;
 mod phantom_structure;
 mod rest;
+mod scene_mutations;
 mod settle;
 mod stability;
 mod subdivision;

@@ -254,3 +254,25 @@ fn the_last_cross_check_is_shown_where_there_is_one() {
     let places = ["<b>FAIL</b>", "traces", "<b>PASS</b>"].map(|what| page.find(what));
     assert!(places.iter().all(Option::is_some) && places.is_sorted(), "{places:?}");
 }
+
+#[test]
+fn a_scene_named_like_a_file_of_the_report_is_refused_before_it_runs() {
+    let folder = Folder::new("report-name");
+    let scene = folder.write("s.toml", &GOOD.replacen("name = \"fig5-stick-slip\"", "name = \"report.json\"", 1));
+    let out = folder.path("out");
+    let output = stickslip(&["report", &scene.display().to_string(), "--out", &out.display().to_string()]);
+    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    assert!(stderr(&output).contains("a file of the report itself") && !out.exists(), "{}", stderr(&output));
+}
+
+/// A report is about contact: a scene whose tip never comes down is no pass.
+#[test]
+fn a_report_without_contact_is_inconclusive() {
+    let folder = Folder::new("report-free");
+    let scene = folder.write("s.toml", &GOOD.replace("duration = 1.2", "duration = 0.01"));
+    let out = folder.path("out");
+    let output = stickslip(&["report", &scene.display().to_string(), "--out", &out.display().to_string()]);
+    assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
+    let (_, json) = left(&out);
+    assert_eq!(json["runs"][0]["verdict"]["because"], "no contact");
+}

@@ -78,8 +78,8 @@ enum Command {
         also network.pvd and instrument.pvd with their frames.\n\n\
         Exit codes: 0 the verdict is PASS; 1 it is FAIL: a fault ended the run (the rows before it are kept), the tip \
         passed through the surface, the energy residual exceeds the instrument's work, or the repetition of a run in real \
-        time commanded other forces; 2 usage, scene or file error; 3 it is INCONCLUSIVE: the tip never touched the body, or \
-        the energy residual exceeds half of the work.\n\nExample: stickslip run fig5-stick-slip --out /tmp/fig5")]
+        time commanded other forces; 2 usage, scene or file error; 3 it is INCONCLUSIVE: the run was stopped, or the energy residual exceeds \
+        half of the work.\n\nExample: stickslip run fig5-stick-slip --out /tmp/fig5")]
     Run(run::RunArguments),
     /// Print which parts a scene needs, what it costs, and its stability-limit time steps
     #[command(after_help = "Exit codes: 0 pass; 2 usage or scene error.\n\nExample: stickslip explain fig5-stick-slip")]

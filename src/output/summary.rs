@@ -11,6 +11,8 @@ use crate::Vec3;
 use crate::contact::law::Mode;
 use crate::device::coupled::DeviceView;
 use crate::local::condensation::CondensationCounts;
+use crate::local::model::Linearization;
+use crate::model::springs::TangentKind;
 use crate::model::work::WorkCounts;
 use crate::multirate::failsafe::{Fault, FaultCause};
 use crate::multirate::timeline::{DeadlineOutcome, OverrunPolicy};
@@ -45,13 +47,13 @@ impl Summary {
     pub fn add_real_time(&mut self, is_reproduced: bool, is_stopped: bool) {
         self.reproduced = Some(is_reproduced);
         self.completed &= is_reproduced && !is_stopped;
-        self.verdict = RunVerdict::of(self, None, None);
+        self.verdict = RunVerdict::of(self);
     }
 
     /// Takes over what was learnt after the run: that it was stopped, warnings. The verdict follows.
     pub fn with(mut self, change: impl FnOnce(&mut Self)) -> Self {
         change(&mut self);
-        self.verdict = RunVerdict::of(&self, None, None);
+        self.verdict = RunVerdict::of(&self);
         self
     }
 }
@@ -297,6 +299,9 @@ pub struct Summary {
     /// Quantities of the modelled device; absent without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<DeviceSummary>,
+    /// What may help against an energy residual, of what the scene does not have.
+    #[serde(skip)]
+    pub energy_advice: String,
     /// SHA-256 of every other file of the run, by its name: files that fit belong to this run, whatever else is in the folder.
     pub files: BTreeMap<&'static str, String>,
     /// Wall-clock time of the run and its output, s.
@@ -416,9 +421,25 @@ impl Recorder {
                 }
             }),
             device: self.device,
+            energy_advice: energy_advice(scene),
             files: BTreeMap::new(),
             wall_time_s,
         };
         summary.with(|_| ())
     }
+}
+
+/// Lists what may help against an energy residual and is not set yet.
+fn energy_advice(scene: &Scene) -> String {
+    let mut ways = vec!["a smaller drag"];
+    if !scene.is_full() {
+        ways.push("a higher `global.rate`");
+        if scene.local().linearization == Linearization::Tangent(TangentKind::Exact) {
+            ways.push("`local.tangent = \"stabilised\"`");
+        }
+    }
+    if !scene.contact.scheme.is_impulsive() {
+        ways.push("`contact.scheme = \"massless\"` with `contact.surface = \"subdivision\"`");
+    }
+    format!("compare with {}", ways.join(", "))
 }

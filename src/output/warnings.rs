@@ -130,14 +130,11 @@ fn distance(scene: &Scene, simulation: &Simulation) -> Vec<Warning> {
 }
 
 fn never_touches(nearest_m: f64) -> Warning {
-    Warning::new(
-        NEVER_TOUCHES,
-        format!(
-            "the path stays {:.3} mm or more above the surface at rest: contact is not tested; lower the path, or check \
-             its unit and times",
-            1e3 * nearest_m
-        ),
-    )
+    let message = format!(
+        "the path stays {nearest_m:.1e} m or more above the surface at rest: contact is not tested; lower the path, or check its \
+         unit and times"
+    );
+    Warning::new(NEVER_TOUCHES, message)
 }
 
 /// Code of the warning of a path without contact.

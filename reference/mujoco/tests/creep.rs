@@ -61,7 +61,7 @@ fn ours() -> (f64, f64, f64) {
     let law = Law::StickSlip { friction: Friction::single(FRICTION) };
     let scene = scene.with_surface(ContactSurface::Subdivision).with_scheme(Scheme::Massless).with_law(law);
     let path = TipPath::new(aim).expect("ascending");
-    let scene = scene.with_instrument(InstrumentKind::Phantom(Box::new(CoupledSettings::default())), path);
+    let scene = scene.with_instrument(InstrumentKind::Phantom(Box::default()), path);
     let scene = scene.with_duration_s(END).expect("whole ticks");
     let rest = Simulation::prepare(&scene).expect("it starts outside").network().rest.clone();
     let (mut first, mut last, mut ticks, mut normal, mut share) = (None, Vec3::zeros(), 0.0, 0.0, 0.0);

@@ -51,7 +51,7 @@ impl Reported {
             (Some(_), _) => ShortReference::None("the run ended in a fault".to_owned()),
             _ => ShortReference::of(scene, &run.samples),
         };
-        let verdict = RunVerdict::of(&run.summary, reference.force_error(), expectation);
+        let verdict = RunVerdict::in_report(&run.summary, reference.force_error(), expectation);
         Ok(Self { run, expectation, reference, verdict, figure, frames, provenance })
     }
 
