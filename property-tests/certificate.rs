@@ -214,7 +214,7 @@ fn runs_have_the_distribution_of_all_orders() {
         }
         assert_eq!(runs_test(n, m, most as u64 + 1), Err(Untested::Runs { runs: most as u64 + 1 }));
     }
-    // Beyond the exact sum the normal distribution goes on where that ends.
+    // Beyond the exact sum, the normal distribution continues from where the sum ends.
     for runs in [950, 980, 1000, 1020] {
         let [sum, normal] = [1000, 1001].map(|n| runs_test(n, n, runs + n - 1000).expect("tested").p_value);
         assert!((sum - normal).abs() < 0.01, "{runs} runs: {sum} and {normal}");

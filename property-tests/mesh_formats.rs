@@ -1,5 +1,4 @@
-//! Mesh files as programs write them: every way to write one body gives that body, cells of every shape become tetrahedra that
-//! match, what is mended is counted, and what is refused names its line.
+//! Mesh files as programs write them: any way gives the same body, repairs are counted, and refusals name their line.
 
 use std::fs;
 use std::path::Path;
@@ -34,7 +33,7 @@ fn enclosed(mesh: &FileMesh) -> f64 {
 pub const LEGACY: &str = "# vtk DataFile Version 3.0\ntwo\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 5 double\n\
     0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 1 1\nCELLS 2 10\n4 0 1 2 3\n4 1 2 3 4\nCELL_TYPES 2\n10\n10\n";
 
-/// Its reading by VTK 9.7 was tried for each of these: all are taken.
+/// VTK 9.7 was tried with each of these files, and reads them all.
 #[test]
 fn legacy_files_are_read_as_vtk_reads_them() {
     let expected = body(LEGACY, "x.vtk").mesh;
@@ -251,8 +250,8 @@ pub fn divided(way: usize) -> Vec<(u64, Vec<usize>)> {
     }
 }
 
-/// Faces match whatever the shapes of the neighbours are: what is left as surface is that of the whole cube. Wedges have a diagonal
-/// of their own on two faces, so they stand in a layer of their own, between faces that have none.
+/// Faces match whatever the shapes of the neighbours are: the surface that remains is that of the whole cube. Wedges have a
+/// diagonal of their own on two faces, so they are in a separate layer, between faces without one.
 #[test]
 fn cells_of_every_shape_become_matching_tetrahedra() {
     let mixtures: [(&str, &dyn Fn(usize) -> usize); 6] = [
@@ -327,8 +326,7 @@ fn mixed_orientation_is_mended() {
     assert!((enclosed(&mended) / volume - 1.0).abs() <= 1e-14);
 }
 
-/// Voxels of a grid of 2 × 2 × 3 but two of the middle layer: the others there touch at an edge, and their layer is joined by those
-/// above and below, so that both ends of the edge lie within one part.
+/// Two layers of 2 × 2 voxels, joined by two voxels that touch at an edge; both ends of the edge lie within one part.
 pub fn tunnel() -> String {
     let node = |x: usize, y: usize, z: usize| x + 3 * (y + 3 * z);
     let mut cells = Vec::new();

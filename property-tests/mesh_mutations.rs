@@ -78,8 +78,8 @@ fn seeds() -> Vec<(String, Vec<u8>)> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 1500, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Whatever is done to a file, it is taken or refused, without a panic and within its memory. (What takes more is stopped by the
-    /// machine, and an endless loop by the runner.)
+    /// Whatever is done to a file, it is accepted or refused, without a panic and within its memory. (The machine stops
+    /// what takes more, and the test runner an endless loop.)
     #[test]
     fn mutated_files_never_panic(seed in any::<usize>(), mutations in prop::collection::vec(mutation(), 1..5), is_repaired: bool) {
         let seeds = seeds();

@@ -33,7 +33,7 @@ fn spectral_radius(model: &LocalModel, h: f64) -> f64 {
 /// scene's tick, close to the stability limit on both sides of it, and beyond.
 #[test]
 fn growth_is_that_of_the_largest_eigenvalue() {
-    // Measured 2e-11: a hundredth power of rounding in a difference of two ticks, relative to the perturbation.
+    // Measured 2e-11: rounding in a difference of two ticks, relative to the perturbation.
     const TOLERANCE: f64 = 1e-8;
     let mut largest = 0.0_f64;
     for tick_ms in [1.0, 3.45, 3.6, 5.0] {

@@ -200,7 +200,7 @@ fn judged(served: &Served, worst: Vec<WorstTick>, replayed: bool) -> Certificate
     judged_over(served, worst, replayed, [5000, 1000, 1000])
 }
 
-/// Judges a loop of which so many ticks were asked for, of a path of so many, of which the longest pass did so many.
+/// Judges a loop. `ticks` are the number asked for, that of the path, and that of the longest pass.
 fn judged_over(served: &Served, worst: Vec<WorstTick>, replayed: bool, ticks: [u64; 3]) -> Certificate {
     let machine = Machine::describe(0);
     let (scene, load) = ("x".to_owned(), "none".to_owned());

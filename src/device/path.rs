@@ -183,7 +183,7 @@ impl TipPath {
         Self { interpolation, ..self }
     }
 
-    /// Names the file that the path was read from.
+    /// Records the file that the path was read from.
     pub fn with_recording(self, file: PathBuf) -> Self {
         Self { recording: Some(file), ..self }
     }

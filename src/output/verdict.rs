@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::summary::Summary;
 use crate::scene::Expectation;
 
-/// A verdict; the worst is the least.
+/// A verdict, ordered from the worst to the best.
 ///
 /// ```
 /// use stickslip::output::verdict::Verdict;
@@ -20,9 +20,9 @@ use crate::scene::Expectation;
 pub enum Verdict {
     /// The requirement is not met.
     Fail,
-    /// What was measured does not decide.
+    /// The measurements do not decide.
     Inconclusive,
-    /// The requirement is met, as far as was measured.
+    /// The requirement is met, as far as it was measured.
     Pass,
 }
 
@@ -37,22 +37,23 @@ impl Verdict {
     }
 }
 
-/// Energy residual over Σ |f·Δq| from which a run is inconclusive. The geometric scheme moves nodes without work, so that its
-/// balance does not close: in shipped scenes that end without a fault the residual is up to 0.39.
+/// Energy residual over Σ |f·Δq| from which a run is inconclusive. The geometric scheme moves nodes without work, so its
+/// energy balance has a residual: up to 0.39 in shipped scenes that end without a fault.
 pub const DOUBTFUL_RESIDUAL: f64 = 0.5;
 
-/// Force error relative to the reference, root mean square, from which a run is inconclusive: the paper's local model in the deep
-/// shipped scenes is up to 0.37 off.
+/// Force error relative to the reference, root mean square, from which a run is inconclusive. The paper's local model has
+/// an error of up to 0.37 in the deep shipped scenes.
 pub const DOUBTFUL_FORCE_ERROR: f64 = 0.5;
 
-/// The verdict on a run: whether it says anything about the scene, and whether that is right as far as the run alone shows.
+/// Verdict on a run: whether the run tests anything about the scene, and whether its results are right as far as it alone
+/// can show.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RunVerdict {
     /// The worst of the findings.
     pub verdict: Verdict,
-    /// What decides, in a word or two.
+    /// The deciding finding, in a word or two.
     pub because: &'static str,
-    /// The findings that decide; of a PASS, what was looked at.
+    /// The findings that decide; for a PASS, everything that was checked.
     pub reasons: Vec<String>,
 }
 
@@ -83,7 +84,7 @@ impl RunVerdict {
     /// // A tip that has not come down yet shows nothing about contact.
     /// let early = judge(50)?;
     /// assert_eq!((early.verdict.verdict, early.verdict.because), (Verdict::Inconclusive, "no contact"));
-    /// // Half of the force is missing, or twice of it; or the scene is expected to end in a fault.
+    /// // A force error above one half, one that is not a number, and an expected fault that does not occur.
     /// assert_eq!(RunVerdict::of(&whole, Some(0.6), None).verdict, Verdict::Inconclusive);
     /// assert_eq!(RunVerdict::of(&whole, Some(f64::NAN), None).verdict, Verdict::Fail);
     /// assert_eq!(RunVerdict::of(&whole, None, Some(Expectation::Faults)).verdict, Verdict::Fail);
@@ -95,8 +96,8 @@ impl RunVerdict {
         use Verdict::{Fail, Inconclusive, Pass};
         let is_expected = expectation == Some(Expectation::Faults);
         if summary.reproduced == Some(false) {
-            let reason = "the repetition in virtual time commands other forces than the run in real time: the trace is of the \
-                          repetition";
+            let reason = "the repetition in virtual time commands other forces than the run in real time: the trace is that of \
+                          the repetition";
             found(Fail, "not reproduced", reason.to_owned());
         }
         match (&summary.fault, is_expected) {
@@ -126,7 +127,7 @@ impl RunVerdict {
         } else {
             found(Pass, "contact", format!("contact in {contact_ticks} ticks"));
         }
-        // A state that diverges to a fault takes any energy.
+        // In a run that diverges to a fault, the energy balance means nothing.
         if contact_ticks > 0 && summary.fault.is_none() {
             let share = summary.energy.residual_relative.abs();
             let reason = format!("the energy residual is {:.1} % of the instrument's work Σ|f·Δq|", 100.0 * share);
@@ -138,11 +139,7 @@ impl RunVerdict {
             };
             match share {
                 _ if !(share <= stated) => {
-                    found(
-                        Fail,
-                        "energy",
-                        format!("{reason}, and at most {} % is stated of this scene", 100.0 * stated),
-                    );
+                    found(Fail, "energy", format!("{reason}; at most {} % is expected of this scene", 100.0 * stated));
                 }
                 _ if !(share <= 1.0) => found(Fail, "energy", format!("{reason}, more than the work itself: {advice}")),
                 _ if share > DOUBTFUL_RESIDUAL => {
@@ -177,7 +174,7 @@ impl RunVerdict {
         Self { verdict, because, reasons: decides().map(|finding| finding.reason.clone()).collect() }
     }
 
-    /// The verdict before anything was looked at.
+    /// The verdict before any check.
     pub(super) fn nothing() -> Self {
         Self { verdict: Verdict::Inconclusive, because: "nothing", reasons: Vec::new() }
     }
