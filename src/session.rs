@@ -164,7 +164,7 @@ pub struct SessionFile {
     pub sha256: String,
 }
 
-/// Returns the SHA-256 of some bytes, in hexadecimal.
+/// Returns the SHA-256 of bytes, in hexadecimal.
 pub fn sha256(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }

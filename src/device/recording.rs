@@ -49,7 +49,7 @@ impl Recording {
     ///
     /// # Errors
     /// If the file cannot be read, lacks a column, has anything but numbers in the columns, or its times do not ascend. The
-    /// error names the line.
+    /// error names the line of a field that is not a number, and the waypoint of a time that does not ascend.
     pub fn read(&self, path: &Path) -> Result<TipPath, PathError> {
         let file = File::open(path).map_err(|error| PathError::Unreadable { path: path.to_owned(), error })?;
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);

@@ -28,7 +28,8 @@ DEFAULTS = {
                 "radius": 0.0, "adhesion": 0.0, "deformation": "rigid", "metric": "euclidean", "wall_stiffness": 1000.0,
                 "wall_damping": 0.0},
     "instrument": {"kind": "path", "waypoints": OPTIONAL, "file": OPTIONAL, "columns": OPTIONAL, "scale": OPTIONAL,
-                   "start": OPTIONAL, "filter_hz": OPTIONAL, "interpolation": "linear", "force_limit": OPTIONAL, "smoothing_ticks": 0, "passivity_control": False, "device": OPTIONAL, "hand": OPTIONAL, "coupling": OPTIONAL},
+                   "start": OPTIONAL, "filter_hz": OPTIONAL, "interpolation": "linear", "force_limit": OPTIONAL,
+                   "smoothing_ticks": 0, "passivity_control": False, "device": OPTIONAL, "hand": OPTIONAL, "coupling": OPTIONAL},
     "sync": {"mode": "replay", "latency_ticks": 0},
     "run": {"schedule": "lockstep"},
 }
