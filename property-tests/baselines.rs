@@ -334,7 +334,7 @@ fn timing_has_a_control_and_no_say_in_the_verdict() {
     let timed = |against: &str, rounds: &str| {
         stickslip(&["check", "fig3-sliding", "--out", &out, "--time", "--against", against, "--rounds", rounds])
     };
-    // Programs that are not there, that do not run scenes, and that end like a run with a fault.
+    // Programs that do not exist, that do not run scenes, and that end like a run with a fault.
     for other in ["no-such-program", "/bin/false", "/bin/echo"] {
         let output = timed(other, "6");
         assert_eq!(output.status.code(), Some(2), "{other}");

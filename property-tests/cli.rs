@@ -135,7 +135,7 @@ fn a_fault_ends_with_code_1_and_keeps_the_rows_before_it() {
     assert_eq!(rows, 884);
 }
 
-/// A deep drag over a small block, whose patch folds: the advice comes with the fault.
+/// Under a deep drag over a small block the patch folds, and the advice comes with the fault.
 #[test]
 fn a_folded_patch_ends_with_code_1_and_a_way_out() {
     let folder = Folder::new("folded");

@@ -265,7 +265,7 @@ fn cells_of_every_shape_become_matching_tetrahedra() {
     for (what, way) in mixtures {
         let made = body(cubes(|cube| divided(way(cube))), "x.vtk");
         let mesh = &made.mesh;
-        // Two triangles on each of 54 squares, closed as the reader has checked.
+        // There are two triangles on each of 54 squares, and the reader has checked that they are closed.
         assert_eq!(mesh.triangles.len(), 108, "{what}");
         let sum: f64 = mesh.tetrahedra.iter().map(|&t| mesh.tetrahedron_volume(t)).sum();
         let off = larger((enclosed(&made) - 27.0).abs(), (sum - 27.0).abs());
@@ -277,7 +277,7 @@ fn cells_of_every_shape_become_matching_tetrahedra() {
     }
 }
 
-/// Cells of second order are their corners, and the nodes between these are omitted.
+/// Cells of second order are used by their corners, and the nodes between these are omitted.
 #[test]
 fn second_order_is_read_by_its_corners() {
     let expected = body(LEGACY, "x.vtk").mesh;
@@ -301,7 +301,7 @@ fn second_order_is_read_by_its_corners() {
     assert_eq!((&made.mesh, made.changes.by_corners, made.changes.unused_nodes), (&expected, 2, 12));
 }
 
-/// Turned elements are mended one by one, in solids and in surfaces.
+/// Elements of the opposite orientation are turned one by one, in solids and in surfaces.
 #[test]
 fn mixed_orientation_is_mended() {
     let expected = body(LEGACY, "x.vtk");
@@ -394,7 +394,7 @@ fn surfaces_that_touch_at_a_node_are_separated() {
     assert!(message.contains("is 2 separate pieces, of 8, 8 nodes"), "{message}");
 }
 
-/// STL, OBJ, PLY and `.vtp` of one surface, by VTK, in 32 and 64 bits.
+/// STL, OBJ, PLY and `.vtp` files of one surface, written by VTK in 32 and 64 bits, give the same body.
 #[test]
 fn formats_of_surfaces_give_the_same_body() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/meshes/formats");
@@ -417,7 +417,7 @@ fn formats_of_surfaces_give_the_same_body() {
     assert!(worst <= 1e-7, "{worst:e}");
 }
 
-/// A tetrahedron in each format of surfaces, in the ways that they may be written.
+/// A tetrahedron in each surface format, in all the ways in which it may be written.
 #[test]
 fn surfaces_are_read_however_they_are_written() {
     let facet = |[a, b, c]: [&str; 3]| {
@@ -495,7 +495,7 @@ fn surfaces_are_read_however_they_are_written() {
     assert!(advice.contains("triangulate()"), "{advice}");
 }
 
-/// What is announced has to be there; the numbers come before the data are unpacked.
+/// Announced numbers have to match the data, and are checked before the data are unpacked.
 #[test]
 fn announced_numbers_are_checked() {
     let plain = |piece: &str, points: &str| vtu("", "", piece, points, "");
@@ -545,7 +545,7 @@ fn announced_numbers_are_checked() {
     };
     let (message, _) = made(bomb(5), "x.vtu", false).expect_err("refused");
     assert!(message.contains("announces 15 coordinates of points, but has 40000000"), "{message}");
-    // Announced rightly, they take more memory than the budget has.
+    // With the right announcement, they take more memory than the budget has.
     let error = MeshFile::parse(bomb(40_000_000 / 3).as_bytes(), Path::new("x.vtu"), BUDGET).expect_err("refused");
     assert!(matches!(error.problem(), MeshProblem::Count { .. }), "{error}");
     let bomb = bomb(13_000_000).replace(
@@ -556,7 +556,7 @@ fn announced_numbers_are_checked() {
     assert!(matches!(error.problem(), MeshProblem::TooLarge { .. }), "{error}");
 }
 
-/// Every message about text names the line of what it is about. Cases: file, contents, line and words.
+/// Every message about a text file names the line that it is about. Cases: file, contents, line and words.
 #[test]
 fn lines_are_right_to_the_line() {
     let msh = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n1\n1 0 0 x\n$EndNodes\n";

@@ -1,4 +1,4 @@
-//! Mesh files with words, lines and bytes changed at random: whatever is done to one, it is taken or refused.
+//! Mesh files with words, lines and bytes changed at random: every file is either accepted or refused.
 
 use std::collections::HashMap;
 use std::fs;
@@ -8,7 +8,7 @@ use proptest::prelude::*;
 
 use super::mesh_formats::{COMPONENTS, LEGACY, PIECE, cubes, divided, made, tunnel, vtu};
 
-/// A word, a line or a piece of a file changed.
+/// A change of a word, a line or a piece of a file.
 #[derive(Debug, Clone)]
 enum Mutation {
     Number { at: usize, value: i64 },
@@ -86,7 +86,7 @@ proptest! {
         let (name, bytes) = &seeds[seed % seeds.len()];
         if let Ok(made) = made(mutated(bytes.clone(), &mutations), name, is_repaired) {
             prop_assert!(made.mesh.nodes.iter().all(|x| x.iter().all(|x| x.is_finite())));
-            // What is taken is closed: every edge has two faces.
+            // An accepted mesh is closed: every edge has two faces.
             let mut edges: HashMap<[u32; 2], usize> = HashMap::new();
             for &[a, b, c] in &made.mesh.triangles {
                 [[a, b], [b, c], [c, a]].into_iter().for_each(|[i, j]| *edges.entry([i.min(j), i.max(j)]).or_default() += 1);

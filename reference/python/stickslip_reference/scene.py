@@ -269,7 +269,7 @@ def check_instrument(instrument, default_tip):
 
 
 def force_limit(instrument):
-    """The contact force that ends a run, N: a hundred times what the device can give, or its own for a path."""
+    """The contact force that ends a run, N: a hundred times the device's largest force, or the limit of a path."""
     if instrument.kind == "phantom-1.5":
         return 100.0 * instrument["device"].largest_force
     limit = 100.0 * PHANTOM["device"]["largest_force"][0] if instrument.force_limit is OPTIONAL else instrument.force_limit
