@@ -14,7 +14,7 @@ fn main() {
         of("OPT_LEVEL")
     );
     println!("cargo::rerun-if-changed=build.rs");
-    // Debug builds are for tests: compiling them again after every commit would only take time.
+    // Debug builds are for tests, and compiling them again after every commit would only take time.
     if of("PROFILE") == "release"
         && let Some(commit) = commit()
     {
@@ -28,7 +28,7 @@ fn commit() -> Option<String> {
         let output = Command::new("git").args(arguments).output().ok().filter(|output| output.status.success())?;
         Some(String::from_utf8_lossy(&output.stdout).trim().to_owned())
     };
-    // The sources of a package may lie within the clone of something else.
+    // The sources of a package may lie within a clone of another repository.
     let is_clone = git(&["rev-parse", "--show-prefix"])?.is_empty();
     let commit = is_clone.then(|| git(&["rev-parse", "--short=12", "HEAD"]))??;
     println!("cargo::rerun-if-changed={}", git(&["rev-parse", "--git-path", "logs/HEAD"])?);

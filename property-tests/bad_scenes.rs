@@ -538,7 +538,7 @@ fn bad_recordings_are_named_with_their_line() {
     }
     folder.write("tip.csv", "t,x,y,z\n0,0,0,0.01\n0.5,0,0,-0.002\n");
     assert_eq!(run(&scene, &folder.path("out")).status.code(), Some(0));
-    // Another's columns, unit and clock: the same motion, and so the same bytes.
+    // Other columns, unit and clock record the same motion, and so give the same bytes.
     let trace = |out: &str| std::fs::read(folder.path(out).join("trace.csv")).expect("a trace");
     folder.write("log.csv", "n,px,py,pz,stamp\n0,0,0,10,7\n1,0,0,-2,7.5\n");
     let others = "file = \"log.csv\"\ncolumns = [\"stamp\", \"px\", \"py\", \"pz\"]\nscale = 0.001\nstart = 7.0";

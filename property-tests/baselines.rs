@@ -263,7 +263,7 @@ fn only_accept_with_a_reason_changes_a_baseline_and_keeps_what_was() {
     assert_eq!(read(), "{}");
 }
 
-/// Layout and comments mean nothing; every value does.
+/// Layout and comments do not change the hash; every value does.
 #[test]
 fn the_hash_of_a_scene_is_that_of_what_it_says() {
     let hash = |text: &str| {
@@ -275,7 +275,7 @@ fn the_hash_of_a_scene_is_that_of_what_it_says() {
     assert_eq!(hash(&text.replace("friction = 1.0", "friction =   1")), hash(text));
     assert_ne!(hash(&text.replace("friction = 1.0", "friction = 1.1")), hash(text));
 
-    // What a file that the scene names says belongs to it.
+    // The contents of a file that the scene names are part of the hash.
     let folder = Folder::new("check-hash");
     let scene = text.replace("kind = \"path\"", "kind = \"recording\"\nfile = \"path.csv\"");
     let scene: String =
@@ -315,7 +315,7 @@ fn a_quantity_can_have_a_tolerance_of_its_own() {
         assert_eq!(output.status.code(), Some(2), "{wrong}");
         assert!(stderr(&output).contains(words), "{}", stderr(&output));
     }
-    // In the baseline it holds without being asked for.
+    // A tolerance in the baseline holds without being asked for.
     baseline["tolerances"] = json!({ "trace fx": 1e-5, "slip_ticks": 0.01 });
     write(&folder, SCENE, &baseline);
     assert_eq!(asked(&[]).status.code(), Some(0));
@@ -334,7 +334,7 @@ fn timing_has_a_control_and_no_say_in_the_verdict() {
     let timed = |against: &str, rounds: &str| {
         stickslip(&["check", "fig3-sliding", "--out", &out, "--time", "--against", against, "--rounds", rounds])
     };
-    // Programs that are not there, that do not run scenes, and that end like a run with a fault.
+    // Programs that do not exist, that do not run scenes, and that end like a run with a fault.
     for other in ["no-such-program", "/bin/false", "/bin/echo"] {
         let output = timed(other, "6");
         assert_eq!(output.status.code(), Some(2), "{other}");

@@ -154,7 +154,7 @@ fn memory_is_found() {
     }
 }
 
-/// Ten times the spread in one value of a hundred leaves the level and the power of a test of ranks as they are.
+/// An outlier of ten times the spread in one value of a hundred changes neither the level nor the power of a rank test.
 #[test]
 fn outliers_neither_hide_memory_nor_look_like_it() {
     let with_outliers = |seed: u64, memory: f64| {
@@ -187,7 +187,7 @@ fn ranks_have_the_moments_that_the_test_assumes() {
     assert!((mean - 2.0).abs() <= 0.13, "{mean}");
 }
 
-/// Counts the orders of n events among trials by their runs.
+/// Counts the orders of n events among trials by their number of runs.
 fn orders_by_runs(events: u32, trials: u32) -> Vec<u64> {
     let mut counts = vec![0; trials as usize + 1];
     for order in (0..1_u32 << trials).filter(|order| order.count_ones() == events) {
@@ -214,7 +214,7 @@ fn runs_have_the_distribution_of_all_orders() {
         }
         assert_eq!(runs_test(n, m, most as u64 + 1), Err(Untested::Runs { runs: most as u64 + 1 }));
     }
-    // Beyond the exact sum the normal distribution goes on where that ends.
+    // Beyond the exact sum, the normal distribution continues from where the sum ends.
     for runs in [950, 980, 1000, 1020] {
         let [sum, normal] = [1000, 1001].map(|n| runs_test(n, n, runs + n - 1000).expect("tested").p_value);
         assert!((sum - normal).abs() < 0.01, "{runs} runs: {sum} and {normal}");

@@ -53,8 +53,9 @@ fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// The ellipsoid is pressed and dragged, the liver slid over, a solid and a shell from every kind of file: all complete
-/// without tunnelling, with the forces of a soft body. One is known to be shaken, and another doubtful.
+/// All scenes over mesh files complete without tunnelling, with the forces of a soft body: the ellipsoid is pressed and
+/// dragged, the liver slid over, and a solid and a shell are read from every kind of file. One of them has the verdict
+/// FAIL, and another INCONCLUSIVE.
 #[test]
 fn scenes_over_mesh_files_complete() {
     let folder = Folder::new("mesh-scenes");
@@ -134,7 +135,7 @@ fn a_fault_ends_with_code_1_and_keeps_the_rows_before_it() {
     assert_eq!(rows, 884);
 }
 
-/// A deep drag over a small block, whose patch folds: the advice comes with the fault.
+/// Under a deep drag over a small block the patch folds, and the advice comes with the fault.
 #[test]
 fn a_folded_patch_ends_with_code_1_and_a_way_out() {
     let folder = Folder::new("folded");

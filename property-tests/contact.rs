@@ -273,7 +273,7 @@ fn folding(x: f64) -> Scene {
     small_scene(contact, "", &drag)
 }
 
-/// A surface that intersects itself lets the tip in without a collision: the contact is taken up again.
+/// A surface that intersects itself lets the tip in without a collision: the tip is taken to be in contact again.
 #[test]
 fn a_tip_let_in_by_a_fold_is_in_contact_again() {
     let run = run(&folding(-0.02));
@@ -281,7 +281,8 @@ fn a_tip_let_in_by_a_fold_is_in_contact_again() {
     assert_eq!(run.tunnelling_ticks, 0);
 }
 
-/// A patch that folds over the tip pulls at it where it should push, tick after tick: that is a fault with a name.
+/// A patch that folds over the tip pulls at the tip where it should push, tick after tick, which is a fault of its own
+/// kind.
 #[test]
 fn a_patch_that_folds_over_the_tip_is_a_named_fault() {
     let fault = run(&folding(-0.012)).fault.expect("it folds");

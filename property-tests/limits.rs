@@ -8,7 +8,7 @@ fn shipped(name: &str) -> Scene {
     Scene::shipped(name).expect("shipped with the program")
 }
 
-/// A fault at the first force beyond the limit, whose tick commands nothing.
+/// The first force beyond the limit is a fault, and its tick commands nothing.
 #[test]
 fn no_force_beyond_the_limit_is_commanded() {
     let mut scene = shipped("fig3-sliding");
@@ -21,7 +21,7 @@ fn no_force_beyond_the_limit_is_commanded() {
     assert!(newtons > 0.7 && limit_n == 0.7 && largest <= 0.7 && largest > 0.5, "{newtons} {largest}");
 }
 
-/// Positions, velocities and forces are finite, and energies are not.
+/// Energies that are not finite are a fault, even if positions, velocities and forces are finite.
 #[test]
 fn an_energy_that_overflows_ends_the_run() {
     let scene = Scene::parse(

@@ -1,5 +1,4 @@
-//! Mesh files as programs write them: every way to write one body gives that body, cells of every shape become tetrahedra that
-//! match, what is mended is counted, and what is refused names its line.
+//! Mesh files as programs write them: any way gives the same body, repairs are counted, and refusals name their line.
 
 use std::fs;
 use std::path::Path;
@@ -34,7 +33,7 @@ fn enclosed(mesh: &FileMesh) -> f64 {
 pub const LEGACY: &str = "# vtk DataFile Version 3.0\ntwo\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 5 double\n\
     0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 1 1\nCELLS 2 10\n4 0 1 2 3\n4 1 2 3 4\nCELL_TYPES 2\n10\n10\n";
 
-/// Its reading by VTK 9.7 was tried for each of these: all are taken.
+/// VTK 9.7 was tried with each of these files, and reads them all.
 #[test]
 fn legacy_files_are_read_as_vtk_reads_them() {
     let expected = body(LEGACY, "x.vtk").mesh;
@@ -251,8 +250,8 @@ pub fn divided(way: usize) -> Vec<(u64, Vec<usize>)> {
     }
 }
 
-/// Faces match whatever the shapes of the neighbours are: what is left as surface is that of the whole cube. Wedges have a diagonal
-/// of their own on two faces, so they stand in a layer of their own, between faces that have none.
+/// Faces match whatever the shapes of the neighbours are: the surface that remains is that of the whole cube. Wedges have a
+/// diagonal of their own on two faces, so they are in a separate layer, between faces without one.
 #[test]
 fn cells_of_every_shape_become_matching_tetrahedra() {
     let mixtures: [(&str, &dyn Fn(usize) -> usize); 6] = [
@@ -266,7 +265,7 @@ fn cells_of_every_shape_become_matching_tetrahedra() {
     for (what, way) in mixtures {
         let made = body(cubes(|cube| divided(way(cube))), "x.vtk");
         let mesh = &made.mesh;
-        // Two triangles on each of 54 squares, closed as the reader has checked.
+        // There are two triangles on each of 54 squares, and the reader has checked that they are closed.
         assert_eq!(mesh.triangles.len(), 108, "{what}");
         let sum: f64 = mesh.tetrahedra.iter().map(|&t| mesh.tetrahedron_volume(t)).sum();
         let off = larger((enclosed(&made) - 27.0).abs(), (sum - 27.0).abs());
@@ -278,7 +277,7 @@ fn cells_of_every_shape_become_matching_tetrahedra() {
     }
 }
 
-/// Cells of second order are their corners, and the nodes between these are omitted.
+/// Cells of second order are used by their corners, and the nodes between these are omitted.
 #[test]
 fn second_order_is_read_by_its_corners() {
     let expected = body(LEGACY, "x.vtk").mesh;
@@ -302,7 +301,7 @@ fn second_order_is_read_by_its_corners() {
     assert_eq!((&made.mesh, made.changes.by_corners, made.changes.unused_nodes), (&expected, 2, 12));
 }
 
-/// Turned elements are mended one by one, in solids and in surfaces.
+/// Elements of the opposite orientation are turned one by one, in solids and in surfaces.
 #[test]
 fn mixed_orientation_is_mended() {
     let expected = body(LEGACY, "x.vtk");
@@ -327,8 +326,7 @@ fn mixed_orientation_is_mended() {
     assert!((enclosed(&mended) / volume - 1.0).abs() <= 1e-14);
 }
 
-/// Voxels of a grid of 2 × 2 × 3 but two of the middle layer: the others there touch at an edge, and their layer is joined by those
-/// above and below, so that both ends of the edge lie within one part.
+/// Two layers of 2 × 2 voxels, joined by two voxels that touch at an edge; both ends of the edge lie within one part.
 pub fn tunnel() -> String {
     let node = |x: usize, y: usize, z: usize| x + 3 * (y + 3 * z);
     let mut cells = Vec::new();
@@ -396,7 +394,7 @@ fn surfaces_that_touch_at_a_node_are_separated() {
     assert!(message.contains("is 2 separate pieces, of 8, 8 nodes"), "{message}");
 }
 
-/// STL, OBJ, PLY and `.vtp` of one surface, by VTK, in 32 and 64 bits.
+/// STL, OBJ, PLY and `.vtp` files of one surface, written by VTK in 32 and 64 bits, give the same body.
 #[test]
 fn formats_of_surfaces_give_the_same_body() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/meshes/formats");
@@ -419,7 +417,7 @@ fn formats_of_surfaces_give_the_same_body() {
     assert!(worst <= 1e-7, "{worst:e}");
 }
 
-/// A tetrahedron in each format of surfaces, in the ways that they may be written.
+/// A tetrahedron in each surface format, in all the ways in which it may be written.
 #[test]
 fn surfaces_are_read_however_they_are_written() {
     let facet = |[a, b, c]: [&str; 3]| {
@@ -497,7 +495,7 @@ fn surfaces_are_read_however_they_are_written() {
     assert!(advice.contains("triangulate()"), "{advice}");
 }
 
-/// What is announced has to be there; the numbers come before the data are unpacked.
+/// Announced numbers have to match the data, and are checked before the data are unpacked.
 #[test]
 fn announced_numbers_are_checked() {
     let plain = |piece: &str, points: &str| vtu("", "", piece, points, "");
@@ -547,7 +545,7 @@ fn announced_numbers_are_checked() {
     };
     let (message, _) = made(bomb(5), "x.vtu", false).expect_err("refused");
     assert!(message.contains("announces 15 coordinates of points, but has 40000000"), "{message}");
-    // Announced rightly, they take more memory than the budget has.
+    // With the right announcement, they take more memory than the budget has.
     let error = MeshFile::parse(bomb(40_000_000 / 3).as_bytes(), Path::new("x.vtu"), BUDGET).expect_err("refused");
     assert!(matches!(error.problem(), MeshProblem::Count { .. }), "{error}");
     let bomb = bomb(13_000_000).replace(
@@ -558,7 +556,7 @@ fn announced_numbers_are_checked() {
     assert!(matches!(error.problem(), MeshProblem::TooLarge { .. }), "{error}");
 }
 
-/// Every message about text names the line of what it is about. Cases: file, contents, line and words.
+/// Every message about a text file names the line that it is about. Cases: file, contents, line and words.
 #[test]
 fn lines_are_right_to_the_line() {
     let msh = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n1\n1 0 0 x\n$EndNodes\n";

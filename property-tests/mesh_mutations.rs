@@ -1,4 +1,4 @@
-//! Mesh files with words, lines and bytes changed at random: whatever is done to one, it is taken or refused.
+//! Mesh files with words, lines and bytes changed at random: every file is either accepted or refused.
 
 use std::collections::HashMap;
 use std::fs;
@@ -8,7 +8,7 @@ use proptest::prelude::*;
 
 use super::mesh_formats::{COMPONENTS, LEGACY, PIECE, cubes, divided, made, tunnel, vtu};
 
-/// A word, a line or a piece of a file changed.
+/// A change of a word, a line or a piece of a file.
 #[derive(Debug, Clone)]
 enum Mutation {
     Number { at: usize, value: i64 },
@@ -78,15 +78,15 @@ fn seeds() -> Vec<(String, Vec<u8>)> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 1500, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Whatever is done to a file, it is taken or refused, without a panic and within its memory. (What takes more is stopped by the
-    /// machine, and an endless loop by the runner.)
+    /// Whatever is done to a file, it is accepted or refused, without a panic and within its memory. (The machine stops
+    /// what takes more, and the test runner an endless loop.)
     #[test]
     fn mutated_files_never_panic(seed in any::<usize>(), mutations in prop::collection::vec(mutation(), 1..5), is_repaired: bool) {
         let seeds = seeds();
         let (name, bytes) = &seeds[seed % seeds.len()];
         if let Ok(made) = made(mutated(bytes.clone(), &mutations), name, is_repaired) {
             prop_assert!(made.mesh.nodes.iter().all(|x| x.iter().all(|x| x.is_finite())));
-            // What is taken is closed: every edge has two faces.
+            // An accepted mesh is closed: every edge has two faces.
             let mut edges: HashMap<[u32; 2], usize> = HashMap::new();
             for &[a, b, c] in &made.mesh.triangles {
                 [[a, b], [b, c], [c, a]].into_iter().for_each(|[i, j]| *edges.entry([i.min(j), i.max(j)]).or_default() += 1);

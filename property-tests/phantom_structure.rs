@@ -37,7 +37,8 @@ fn stretch(state: &PlantState) -> Vec3 {
     state.stylus().position - state.links().position
 }
 
-/// √(k(1/M + 1/m)) along each axis, with the apparent mass M of the links at home, where each axis has a joint of its own.
+/// The frequency is √(k(1/M + 1/m)) along each axis, with the apparent mass M of the links at home, where each axis has a
+/// joint of its own.
 #[test]
 fn the_free_mode_has_its_frequency() {
     // The weight of the links turns them meanwhile, which couples θ₂ and θ₃. Measured: 2e-5.
@@ -69,7 +70,7 @@ fn the_free_mode_has_its_frequency() {
     }
 }
 
-/// With a hand that holds and lets go and no dampers nothing takes energy: the error falls with the order of the method.
+/// Without dampers nothing takes energy, whether the hand holds or lets go: the error falls with the order of the method.
 #[test]
 fn a_structure_without_damping_keeps_the_energy() {
     for (hand, name) in [(let_go(), "let go"), (HandSettings::default(), "held")] {
@@ -133,7 +134,7 @@ fn a_force_bends_it_by_its_compliance() {
         let exerted = tip_force(&state.angles, &torque);
         let bent = -stretch(state);
         worst.check((bent - exerted / structure.stiffness).norm() / bent.norm());
-        // The encoders do not see it: they measure the links.
+        // The encoders do not see the deflection, since they measure the links.
         let measured = settings.axes.rotation * phantom.measured_tip();
         assert!((measured - forward(&state.angles)).norm() < 5e-5 && bent.norm() > 3e-4, "{bent}");
     }

@@ -200,7 +200,7 @@ fn judged(served: &Served, worst: Vec<WorstTick>, replayed: bool) -> Certificate
     judged_over(served, worst, replayed, [5000, 1000, 1000])
 }
 
-/// Judges a loop of which so many ticks were asked for, of a path of so many, of which the longest pass did so many.
+/// Judges a loop. `ticks` are the number asked for, that of the path, and that of the longest pass.
 fn judged_over(served: &Served, worst: Vec<WorstTick>, replayed: bool, ticks: [u64; 3]) -> Certificate {
     let machine = Machine::describe(0);
     let (scene, load) = ("x".to_owned(), "none".to_owned());
@@ -281,7 +281,7 @@ fn verdicts_follow_from_what_was_measured() {
     assert_eq!(judge(&Served { window, ..quiet_loop() }).0, Pass, "what was lost made no difference");
 }
 
-/// A window in which the tip never touches proves nothing of contact, and neither does a part of the path.
+/// A window in which the tip never touches proves nothing about contact, and neither does a window over a part of the path.
 #[test]
 fn a_verdict_is_about_what_was_exercised() {
     use Verdict::{Inconclusive, Pass};
@@ -299,7 +299,8 @@ fn a_verdict_is_about_what_was_exercised() {
         assert!(reasons.contains(finding), "{finding}: {reasons}");
     }
     assert_eq!(certificate.coverage.path_share, 0.05);
-    // The whole path without the contact that it has in lockstep, and a part of it with all contact.
+    // One window covers the whole path without the contact that it has in lockstep; the other covers a part of it with all
+    // contact.
     assert_eq!(judge(&never_touched, [5000, 1000, 1000]).compute.verdict, Inconclusive);
     assert_eq!(judge(&quiet_loop(), [5000, 1000, 999]).compute.verdict, Inconclusive);
 
@@ -390,7 +391,7 @@ fn misses_are_counted_exactly_and_explained_one_by_one() {
     assert_eq!(q.p9999, None, "and too few for this one");
 }
 
-/// Misses in 7 runs of blocks, 44 of 80 blocks with one: called dependent, and those of a generator independent.
+/// Misses in 7 runs of blocks, 44 of 80 blocks with one, are judged dependent, and those of a generator independent.
 #[test]
 fn misses_that_cluster_are_called_dependent() {
     let rate = |misses: &dyn Fn(u64) -> bool| {
@@ -440,7 +441,8 @@ fn a_ring_that_is_full_counts_what_it_loses_and_waits_for_nobody() {
     assert!((1..).zip(&boundaries).all(|(n, &boundary)| boundary == 10 * n), "{boundaries:?}");
 }
 
-/// A global side that builds no model for the whole run, 12 cycles, loses nothing of the path: it waits outside of the ring.
+/// A global side that builds no model for the whole run, 12 cycles, loses nothing of the path, which waits outside the
+/// ring.
 #[test]
 fn a_global_side_that_is_cycles_late_loses_nothing() {
     let simulation = Simulation::prepare(&scene("")).expect("it starts");
@@ -470,7 +472,7 @@ fn a_global_side_that_is_cycles_late_loses_nothing() {
     assert_eq!(up.take_model(&mut servo), Ok(Some(1200)));
 }
 
-/// A pass is asked for when the one before it has begun: memory does not grow with their number.
+/// A pass is requested only when the one before it has begun, so memory does not grow with the number of passes.
 #[test]
 fn passes_are_prepared_one_ahead() {
     let _turn = TURN.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
@@ -503,7 +505,7 @@ fn again_of(scene: &Scene, pass: &RecordedPass) -> ReplayOutcome {
     replay(session.prepare(scene, pass).expect("it starts"), pass, |_| ())
 }
 
-/// While a tick is skipped the tip moves on into the body, which nobody has seen yet.
+/// While a tick is skipped, the tip moves on into the body, and contact has not been computed there yet.
 #[test]
 fn a_skipped_tick_does_not_tunnel() {
     let text = Scene::shipped("fig5-stick-slip").expect("shipped").text().expect("it was read").to_owned();

@@ -116,7 +116,7 @@ fn a_fault_of_a_run_by_threads_is_a_fault_of_its_files() {
     assert!(String::from_utf8_lossy(&output.stdout).contains("the same end: fault at tick"));
 }
 
-/// A session of two passes of five ticks, with forces of the first, changed in one place.
+/// Returns a session of two passes of five ticks, with the forces of the first, changed in one place.
 fn session(changed: impl Fn(&mut Value)) -> Value {
     let times = json!({ "arrivals": [], "late": [], "skipped": [] });
     let tick = json!({ "tip": [0.0, 0.0, 0.0], "force": [0.0, 0.0, 0.0] });
@@ -167,7 +167,7 @@ fn a_session_that_contradicts_itself_is_not_replayed() {
     }
 }
 
-/// The recording's path is written beside the session, as on another machine, and replaced.
+/// The recorded path is first written beside the session, as on another machine, and then replaced by another one.
 #[test]
 fn a_session_finds_its_files_beside_itself_and_takes_no_others() {
     let folder = Folder::new("moved-session");
@@ -198,7 +198,7 @@ fn a_session_finds_its_files_beside_itself_and_takes_no_others() {
     assert!(error.to_string().contains("tips/path.csv"), "{error}");
 }
 
-/// A global cycle of 10⁸ ticks beside a run of 40.
+/// A global cycle of 10⁸ ticks costs a run of 40 ticks no memory.
 #[test]
 fn a_slow_global_side_takes_no_more_memory_than_the_run() {
     let folder = Folder::new("slow-global");

@@ -110,7 +110,7 @@ fn what_failed_is_on_top() {
     assert_eq!(viewed(&page)[1]["outcome"], "FAIL: fault");
     assert_eq!(json["runs"][1]["verdict"]["verdict"], "FAIL");
     assert!(json["runs"][1]["as_expected"].is_null() && json["runs"][0]["as_expected"] == true, "{}", json["runs"]);
-    // The paper's local model, held against the whole network.
+    // The paper's local model, compared with the whole network.
     let error = json["runs"][0]["reference"]["compared"]["force_error_rms_rel"].as_f64().expect("a comparison");
     assert!((0.05..0.3).contains(&error), "{error}");
 }
@@ -241,7 +241,7 @@ fn the_last_cross_check_is_shown_where_there_is_one() {
     let (page, json) = with(Some(check));
     assert!(["2020-02-03", "0.0.9", "abc", "a book", "1e-12"].iter().all(|word| page.contains(word)));
     assert_eq!(json["crosscheck"]["rows"][0]["quantity"], "a force");
-    // A list of failures decides, whatever the file says of itself; nothing compared is no pass.
+    // The list of failures decides, whatever verdict the file states; a comparison of nothing is no pass.
     let (_, json) = with(Some(&check.replace("\"failed\": []", "\"failed\": [\"traces\"]")));
     let verdict = |json: &Value| {
         let verdicts = json["verdicts"].as_array().expect("verdicts").clone();

@@ -1,4 +1,5 @@
-//! Folders of results: whole or known to be incomplete, one writer at a time, and no trace of a run that was interrupted.
+//! Folders of results are whole or known to be incomplete, have one writer at a time, and keep no trace of an interrupted
+//! run.
 
 use std::fs;
 use std::io::Read as _;
@@ -74,7 +75,7 @@ fn frames_of_an_earlier_run_do_not_stay() {
     assert_eq!(names(&out.join("vtk")), ["mine.vtu"]);
 }
 
-/// A run that a signal ends leaves no temporary file, and no summary of an earlier run beside what is not its own.
+/// A run that a signal ends leaves no temporary file, and no summary of an earlier run beside its own files.
 #[cfg(unix)]
 #[test]
 fn an_interrupted_run_leaves_nothing_half_written() {
@@ -99,12 +100,12 @@ fn an_interrupted_run_leaves_nothing_half_written() {
     assert!(names(&out).iter().all(|name| name == "network.json"), "{:?}", names(&out));
 }
 
-/// Nobody receives a message, and the verdict is the same.
+/// The verdict is the same if no message can be delivered.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_standard_error_changes_no_verdict() {
     let folder = Folder::new("full-stderr");
-    // It warns: the tip never comes down.
+    // The scene has a warning: the tip never comes down.
     let scene = folder.write("s.toml", &GOOD.replace("duration = 1.2", "duration = 0.01"));
     for (arguments, code) in [
         (vec!["run".to_owned(), scene.display().to_string()], 0),
@@ -140,7 +141,7 @@ fn files_have_the_permissions_of_the_process() {
     }
 }
 
-/// A scene that writes to the terminal by its error, and one with a line of a megabyte.
+/// Errors about scenes with escape sequences, and with a line of a megabyte, stay printable and short.
 #[test]
 fn messages_show_no_control_characters_and_no_endless_lines() {
     let folder = Folder::new("messages");

@@ -439,8 +439,8 @@ impl Lockstep {
         &self.simulation.servo
     }
 
-    /// Returns a copy of the servo side as it enters the next tick, with the model that is due then; `None` after the last tick, or
-    /// where the global side ends the run before it.
+    /// Returns a copy of the servo side as it enters the next tick, with the model that is due then; `None` after the last
+    /// tick, or if the global side ends the run before it.
     pub fn servo_at_next_tick(&self) -> Option<Servo> {
         let mut ahead = self.clone();
         matches!(ahead.begin(&mut |_| ()), Ok(true)).then_some(ahead.simulation.servo)

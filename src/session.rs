@@ -164,7 +164,7 @@ pub struct SessionFile {
     pub sha256: String,
 }
 
-/// Returns the SHA-256 of some bytes, in hexadecimal.
+/// Returns the SHA-256 of bytes, in hexadecimal.
 pub fn sha256(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
@@ -269,8 +269,8 @@ pub enum SessionError {
     #[error("the session cannot be replayed: {0}")]
     #[diagnostic(help("it was changed or damaged: record it again"))]
     Damaged(String),
-    /// A file that the scene names is missing or has another content.
-    #[error("{path} is missing or has another content than it had when the session was recorded")]
+    /// A file that the scene names is missing or has changed.
+    #[error("{path} is missing or has changed since the session was recorded")]
     #[diagnostic(help(
         "put the file with the SHA-256 {sha256} there, or beside the session at the same relative path"
     ))]
@@ -351,8 +351,8 @@ impl Session {
     /// Builds the session's scene at its recorded rate, with the files that it was recorded with.
     ///
     /// # Errors
-    /// If the text is not a valid scene, as where the scene was built in Rust, or names a file that is neither where it was
-    /// nor beside the session, or no loop in real time has the session's rate.
+    /// If the text is not a valid scene, which a scene built in Rust does not have; if a file that it names is neither
+    /// at its recorded place nor beside the session; or if no loop in real time can have the session's rate.
     pub fn scene(&self) -> Result<Scene, SessionError> {
         if !(self.rate_hz <= MOST_REAL_TIME_HZ) {
             let most = MOST_REAL_TIME_HZ;
@@ -368,8 +368,8 @@ impl Session {
         Ok(scene)
     }
 
-    /// Returns a path of the scene from which all files that it names are those of the recording: the recorded path, or
-    /// else one beside the session, as on another machine.
+    /// Returns a path for the scene relative to which all files that it names are those of the recording: the recorded
+    /// path, or else one beside the session, as on another machine.
     fn path_with_files(&self) -> Result<PathBuf, SessionError> {
         let name = self.scene_path.file_name().unwrap_or_default();
         let beside = self.folder.as_ref().map(|folder| folder.join(name));
@@ -413,7 +413,7 @@ impl Session {
         for TickToReplay { pass, tick, .. } in &self.worst {
             let of = self.passes.iter().find(|recorded| recorded.pass == *pass);
             if of.is_none_or(|recorded| *tick >= recorded.ticks + u64::from(recorded.fault.is_some())) {
-                return damaged(format!("tick {tick} of pass {pass} is to be timed, and was not recorded"));
+                return damaged(format!("tick {tick} of pass {pass} is to be timed, but was not recorded"));
             }
         }
         Ok(())

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Compare how bodies of other programs are read with VTK's own reading, and try what error messages advise: bodies.py PROGRAM OUT.
+"""Compare the reading of other programs' bodies with VTK's, and try what error messages advise: bodies.py PROGRAM OUT.
 
-PROGRAM is the stickslip program, OUT a folder for files. The bodies come from the packages in requirements.txt, whose licences allow
-their use, and none of them is kept here: PyVista's examples (MIT), the tutorials and examples of Gmsh (GPL), meshed by it, and bodies
-made by VTK's filters. For each of them nodes, edges and boundary triangles have to be as many as VTK counts, and the volume the same.
+PROGRAM is the stickslip program, OUT a folder for files. The bodies come from the packages in requirements.txt, whose
+licences allow their use, and none of them is kept here: PyVista's examples (MIT), the tutorials and examples of Gmsh (GPL),
+meshed by Gmsh, and bodies made by VTK's filters. For each body, the numbers of nodes, edges and boundary triangles have to be
+those that VTK counts, and the volume has to be the same.
 """
 
 import contextlib
@@ -26,8 +27,8 @@ GMSH = Path(sys.prefix) / "share" / "doc" / "gmsh"
 # Tetrahedra of a cell that is cut, and its faces, by VTK's type.
 TETRAHEDRA = {10: 1, 12: 6, 13: 3, 14: 2}
 FACES = {10: 4, 12: 6, 13: 5, 14: 5}
-# Largest relative difference of volumes: sums over some thousand elements in 64 bits (measured: 6e-15), or of coordinates that VTK reads
-# in 32 bits from these formats, off by 6e-8 of their size (measured: 5e-8).
+# Largest relative difference of volumes: sums over some thousand elements in 64 bits (measured: 6e-15), or of coordinates
+# that VTK reads in 32 bits from these formats, off by 6e-8 of their size (measured: 5e-8).
 SAME_VOLUME = 1e-12
 SAME_VOLUME_32 = 1e-6
 READ_IN_32 = (".stl", ".obj", ".ply")

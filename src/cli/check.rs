@@ -194,7 +194,7 @@ pub fn check(arguments: &CheckArguments) -> miette::Result<u8> {
     Ok(if passes { PASS } else { FAIL })
 }
 
-/// Refuses tolerances of quantities that no scene has, or that are no numbers.
+/// Rejects tolerances of quantities that no scene has or that are not numbers.
 fn known<'a>(
     tolerances: &BTreeMap<String, f64>,
     compared: impl Iterator<Item = &'a Comparison> + Clone,
@@ -203,8 +203,9 @@ fn known<'a>(
     match tolerances.keys().find(|name| !is_known(name)) {
         None => Ok(()),
         Some(name) => Err(miette::miette!(
-            help = "names of quantities are those of check.json, as `fx rms`, `trace fn` or `work: matrix_products`",
-            "no number is called `{name}`, so that it cannot have a tolerance"
+            help =
+                "names of quantities are those of check.json, such as `fx rms`, `trace fn` or `work: matrix_products`",
+            "no numeric quantity is called `{name}`, so it cannot have a tolerance"
         )),
     }
 }

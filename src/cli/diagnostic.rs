@@ -1,5 +1,5 @@
-//! Layout of error messages: control characters that come from files do not reach the terminal, and source lines are cut to a
-//! length that can be read.
+//! Layout of error messages. Control characters from files do not reach the terminal, and long source lines are truncated
+//! to a readable length.
 
 use std::error::Error;
 use std::fmt;
@@ -10,17 +10,17 @@ use miette::{
 };
 use textwrap::WordSplitter;
 
-/// Characters of a source line that are shown.
+/// Largest number of characters shown of a source line.
 const LONGEST_LINE: usize = 160;
-/// Characters of a message that are shown.
+/// Largest number of characters shown of a message.
 const LONGEST_MESSAGE: usize = 2000;
-/// Characters shown before what is wrong, where its line is cut.
+/// Number of characters shown before the marked place in a truncated line.
 const BEFORE: usize = 60;
-/// Mark of a cut.
+/// Mark of a truncation.
 const CUT: &str = "…";
 
-/// Prepares the layout of an error. Names with hyphens stay whole, so that they can be copied, and a cause that the message has told
-/// is not repeated.
+/// Returns the handler that lays out an error. It does not break hyphenated names, so that they can be copied, and does not
+/// repeat a cause that the message already contains.
 pub fn layout(error: &(dyn Diagnostic + 'static)) -> Box<dyn ReportHandler> {
     let options = MietteHandlerOpts::new().word_splitter(WordSplitter::NoHyphenation);
     let is_told = error.source().is_some_and(|cause| error.to_string().contains(&cause.to_string()));
@@ -28,14 +28,15 @@ pub fn layout(error: &(dyn Diagnostic + 'static)) -> Box<dyn ReportHandler> {
     Box::new(Printable(Box::new(inner)))
 }
 
-/// Replaces control characters, but for those that end a line, by a mark of their own.
+/// Replaces control characters except newline and tab with the replacement character U+FFFD.
 ///
-/// Escape sequences in a file could otherwise change colours, titles or text of the terminal that shows a message on it.
+/// Escape sequences in a file could otherwise change the colours, title or text of the terminal that shows a message about
+/// it.
 pub fn printable(text: &str) -> String {
     text.chars().map(|c| if c.is_control() && !matches!(c, '\n' | '\t') { '\u{fffd}' } else { c }).collect()
 }
 
-/// Makes a message printable, and cuts one that quotes an endless word.
+/// Makes a message printable, and truncates a very long one, such as one that quotes an endless word.
 fn message(text: &str) -> String {
     let mut message = printable(&text.chars().take(LONGEST_MESSAGE).collect::<String>());
     if text.chars().count() > LONGEST_MESSAGE {
@@ -139,7 +140,7 @@ impl Error for Cause {
     }
 }
 
-/// The lines around a place in a file, cut to a length that can be read.
+/// The lines around a place in a file, truncated to a readable length.
 #[derive(Debug)]
 struct Excerpt {
     name: Option<String>,
@@ -152,7 +153,7 @@ struct Excerpt {
 }
 
 impl Excerpt {
-    /// Takes the lines around a label, and the label's place in them.
+    /// Returns the lines around a label, and the label's place within them.
     fn of(source: &dyn SourceCode, label: &LabeledSpan) -> Option<(Self, LabeledSpan)> {
         let around = source.read_span(label.inner(), 1, 1).ok()?;
         let exact = source.read_span(label.inner(), 0, 0).ok()?;
@@ -164,7 +165,7 @@ impl Excerpt {
             let is_marked = (at..at + end).contains(&start) || (start == at + end && at + end == text.len());
             let inside = if is_marked { start - at } else { 0 };
             let before = content.get(..inside.min(content.len())).unwrap_or_default();
-            // Whole lines where they fit, else the part around what is wrong.
+            // Lines that fit stay whole; a longer line is truncated to the part around the label.
             let skipped = match content.chars().count() > LONGEST_LINE {
                 true => before.chars().count().saturating_sub(BEFORE),
                 false => 0,
@@ -198,7 +199,8 @@ impl Excerpt {
 }
 
 impl SourceCode for Excerpt {
-    /// Returns the whole text with its first line, or the place alone where no lines around are asked for.
+    /// Returns the whole excerpt with the number of its first line, or the marked place alone if no lines around it are
+    /// requested.
     fn read_span<'a>(
         &'a self,
         span: &SourceSpan,

@@ -67,9 +67,9 @@ enum Command {
         after_help = "Writes DIR/index.html, which needs no other file and no network, DIR/report.json, and for every \
         scene the files of `run` in DIR/<scene>/. Without scenes it also compares contact surfaces and local models, \
         measures stability limits, and certifies the servo loop over a few seconds; --quick omits these.\n\n\
-        Exit codes: 0 pass; 1 a scene did not end as expected, accuracy could not be judged, or the stability \
-        verdict is FAIL; 2 usage, scene or file error. The verdicts on this machine (certificate) and on an earlier \
-        run (cross-check) are shown and do not change the exit code.\n\n\
+        Exit codes: 0 pass; 1 a verdict on scenes, accuracy or stability is FAIL; 2 usage, scene or file error; 3 none \
+        of them is FAIL, and one on scenes or stability is INCONCLUSIVE. The verdicts on this machine (certificate) and on \
+        an earlier run (cross-check) are shown and do not change the exit code.\n\n\
         Example: stickslip report fig5-stick-slip my-scene.toml"
     )]
     Report(report::ReportArguments),
@@ -89,12 +89,12 @@ enum Command {
     },
     /// Judge the stability of a scene along its path, and compare limits with predictions
     #[command(
-        after_help = "Writes DIR/index.html with its figures inside and DIR/stability.json. The scene is run, and of every \
-        local model along its path the stability-limit time step and the growth of its fastest-growing mode are computed. Then \
-        stability-limit time steps of its first local model are measured, with stiffness, mass ratio and damping ratio varied, \
-        and virtual walls and extreme scenes, which do not depend on the scene.\n\n\
-        Exit codes: 0 pass; 1 the scene ends in a fault, an extreme scene did not end as expected, or a virtual wall that has to \
-        be passive shakes; 2 usage, scene or file error; 3 a local model along the path would diverge if it were kept, or a \
+        after_help = "Writes DIR/index.html with its figures inside and DIR/stability.json. The scene is run, and for every \
+        local model along its path the stability-limit time step and the growth of the fastest-growing mode are computed. The \
+        stability-limit time steps of the first local model are then measured, with stiffness, mass ratio and damping ratio \
+        varied. Virtual walls and extreme scenes, which do not depend on the scene, are judged too.\n\n\
+        Exit codes: 0 pass; 1 the scene ends in a fault, an extreme scene did not end as expected, or a virtual wall that must \
+        be passive oscillates; 2 usage, scene or file error; 3 a local model along the path would diverge if it were kept, or a \
         limit differs from its prediction by more than 2 % for no known reason.\n\n\
         Example: stickslip stability fig5-stick-slip --out /tmp/stability"
     )]
@@ -125,12 +125,13 @@ enum Command {
     /// Certify the deadlines of the servo loop on this machine
     #[cfg(all(feature = "realtime", target_os = "linux"))]
     #[command(
-        after_help = "Runs the scene's servo loop in real time, on a thread of its own, and gives two verdicts: on the \
-        program's own time per tick (compute), and on whether commands met their deadlines on this machine (platform). \
+        after_help = "Runs the scene's servo loop in real time, on a thread of its own, and gives three verdicts: on the \
+        program's own time per tick (compute), on whether commands met their deadlines on this machine (platform), and \
+        on whether models were built in time (global side; absent without cycles). \
         A control loop without a payload runs between the ticks: deadlines that it misses too are the machine's. The \
         longest ticks are repeated with warm and with cold caches. Writes DIR/certificate.md, certificate.json, \
         session.json and two figures. Ctrl-C ends the run and certifies what was measured.\n\nWithout the right to \
-        SCHED_FIFO (root, or `ulimit -r`) the platform part cannot pass.\n\nExit codes: 0 both parts PASS; 1 one is \
+        SCHED_FIFO (root, or `ulimit -r`) the platform part cannot pass.\n\nExit codes: 0 all parts PASS; 1 one is \
         FAIL; 2 usage, scene or file error; 3 none is FAIL, and one is INCONCLUSIVE.\n\n\
         Example: stickslip certify fig5-stick-slip --duration 60 --load cpu --out /tmp/certificate"
     )]
@@ -252,8 +253,9 @@ fn read(scene: &Path) -> Result<(Scene, Option<Expectation>), SceneError> {
     }
 }
 
-/// Takes the output folder: the one given, or else one named after the scene. Creates it, so that nothing is computed that could not be
-/// written, and removes the files by which an earlier result is complete.
+/// Takes the output folder: the given one, or one named after the scene. The folder is created before anything is computed,
+/// so that no result is lost because it cannot be written, and the files that mark an earlier result as complete are
+/// removed.
 fn folder(out: Option<PathBuf>, scene: &Scene, conclusions: &[&str]) -> Result<ResultFolder, WriteError> {
     let folder = ResultFolder::take(&out.unwrap_or_else(|| Path::new("reports").join(&scene.name)))?;
     folder.clear(conclusions)?;

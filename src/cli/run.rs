@@ -74,7 +74,7 @@ pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
     })
 }
 
-/// Advises on a run that diverged: what the scene does not have yet.
+/// Returns advice on a run that diverged: the remedies that the scene does not use yet.
 fn runaway_advice(scene: &Scene) -> String {
     let Ok(simulation) = Simulation::prepare(scene) else { return String::new() };
     let steps = TimeSteps::new(scene, &simulation);
@@ -107,8 +107,9 @@ pub struct Executed {
     pub frames: Option<usize>,
 }
 
-/// Runs a scene by its schedule and writes its files into a folder, which is created only for a scene that can start; frames for
-/// ParaView too, one in `every_ticks`. `announce` is given the warnings before the run.
+/// Runs a scene by its schedule and writes its files into a folder, which is created only if the scene can start. With
+/// `every_ticks`, frames for ParaView are written too, one every so many ticks. `announce` receives the warnings before the
+/// run.
 pub fn execute(
     scene: &Scene,
     out: &Path,
@@ -121,7 +122,7 @@ pub fn execute(
     announce(&foreseen);
     let folder = ResultFolder::take(out)?;
     folder.clear_frames()?;
-    // Taken when the run is over, before its summary is written.
+    // The writer is taken out when the run is over, before the summary is written.
     let writer = RefCell::new(every_ticks.map(|ticks| VtkWriter::new(out, ticks)).transpose()?);
     let mut frames = None;
     let watch = |view: &TickView| {

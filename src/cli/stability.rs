@@ -41,7 +41,7 @@ pub struct StabilityFile {
     passes: bool,
     /// The worst of the findings.
     pub verdict: Verdict,
-    /// The findings that decide; of a PASS, all.
+    /// The findings that decide; for a PASS, all of them.
     pub reasons: Vec<String>,
     /// The local models along the scene's path.
     path: PathStability,
@@ -123,7 +123,7 @@ fn findings(
     let as_expected = extremes.iter().filter(|entry| entry.as_expected).count();
     let respected = walls.iter().filter(|limit| limit.agrees).count();
     let maps = match maps {
-        Err(reason) => (Verdict::Inconclusive, format!("there are no sweeps of stability limits: {reason}")),
+        Err(reason) => (Verdict::Inconclusive, format!("stability limits were not swept: {reason}")),
         Ok(maps) => {
             let explained = maps.iter().filter(|boundary| is_explained(boundary)).count();
             let first = maps.iter().find(|boundary| !is_explained(boundary));
@@ -386,9 +386,9 @@ fn section(file: &StabilityFile) -> miette::Result<Markup> {
         h2 #stability { "Stability" }
         h3 { "Local models along the path" }
         p {
-            "Of every local model that " (scene) " uses along its path: the stability-limit time step of explicit integration at its \
-             state, and the factor by which its fastest-growing mode grows within a cycle, with the contact held as it is then. \
-             A factor above 1 is a model that diverges if it is kept. "
+            "The table lists every local model that " (scene) " uses along its path, with the stability-limit time step of \
+             explicit integration at its state, and the factor by which its fastest-growing mode grows within a cycle while \
+             the contact is held. A model with a factor above 1 diverges if it is kept. "
             b { (path.verdict.name()) } ": " (path.reason) "."
         }
         details {

@@ -58,8 +58,8 @@ pub fn print(text: impl Display) -> miette::Result<()> {
     }
 }
 
-/// Prints a line on standard error. A message that nobody can receive changes no verdict, so that a closed or full standard error is
-/// no error.
+/// Prints a line on standard error. An undelivered message changes no verdict, so a closed or full standard error is
+/// ignored.
 pub fn complain(text: impl Display) {
     let _ = writeln!(std::io::stderr().lock(), "{text}");
 }

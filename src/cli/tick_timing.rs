@@ -27,7 +27,7 @@ const REST_TICKS: u64 = 20_000;
 pub struct TimedTick {
     /// Number of the pass.
     pub pass: u32,
-    /// Number of the tick in its pass, from 0; of a tick of rest, the number of ticks of rest before it.
+    /// Number of the tick in its pass, from 0; for a tick at rest, the number of ticks at rest before it.
     pub tick: u64,
     /// Reasons to repeat the tick.
     pub why: Vec<ReplayReason>,
@@ -132,7 +132,7 @@ fn median_and_max(mut times: Vec<u64>) -> [u64; 2] {
     [times[times.len() / 2], times.last().copied().unwrap_or_default()]
 }
 
-/// Returns the names of some reasons, as they stand in tables.
+/// Returns the names of reasons, separated by commas.
 pub fn names(why: &[ReplayReason]) -> String {
     why.iter().map(|why| why.name()).collect::<Vec<_>>().join(", ")
 }

@@ -31,12 +31,12 @@ struct Times {
     ratio: Option<Median>,
     /// Run times of this program over those of itself.
     control: Option<Median>,
-    /// Least difference from 1 that the control lets see.
+    /// Smallest difference from 1 that the control can resolve.
     smallest_effect: Option<f64>,
     finding: &'static str,
 }
 
-/// Finds out whether a program can run scenes, before anything is compared with it.
+/// Checks that a program is a build of stickslip, before anything is compared with it.
 ///
 /// # Errors
 /// If it cannot be started or is not stickslip.
@@ -122,7 +122,7 @@ impl Times {
 
 fn time(program: &Path, scene: &Path, out: &Path) -> miette::Result<f64> {
     let summary = out.join("summary.json");
-    // A run that writes no summary was none, whatever its exit code.
+    // A program that writes no summary has not run the scene, whatever its exit code.
     let _ = std::fs::remove_file(&summary);
     let mut command = Command::new(program);
     command

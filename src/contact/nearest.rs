@@ -153,7 +153,7 @@ impl Shape<'_> {
         self.signed_distance(q) > 0.0
     }
 
-    /// Whether q is in the box around the surface; a point outside of it is outside the surface.
+    /// Whether q is within reach of the box around the surface; every other point is outside the surface.
     pub(super) fn may_contain(&self, q: Vec3) -> bool {
         self.model.boxes.around_all().distance(q) <= self.reach()
     }

@@ -128,7 +128,7 @@ impl LocalSimulation {
         before
     }
 
-    /// Takes a free tip that is inside to be in contact with the nearest point, as after tension.
+    /// Takes a free tip inside the surface to be in contact with the nearest point, as after tension.
     pub(super) fn take_up_if_inside(&mut self, tip: Vec3) {
         let shape = self.shape();
         if self.contact.is_none() && shape.may_contain(tip) && shape.signed_distance(tip) < -START_TOLERANCE {
@@ -203,9 +203,9 @@ impl LocalSimulation {
     }
 
     /// Returns the fold of the patch over the tip, if there is one. A surface that tears off recoils from the tip; if
-    /// the nearest point pulls although the tip is inside by more than a tenth of an edge, the patch has folded. In the
-    /// first tick under tension the contact point is another: the tip may have jumped away from it. A depth that is not
-    /// a number is a fold.
+    /// the nearest point pulls although the tip is inside by more than a tenth of an edge, the patch has folded. The
+    /// first tick under tension does not count, since its contact point is not the nearest one: the tip may have jumped
+    /// away from it. A depth that is not a number is a fold.
     pub fn fold(&self, tip: Vec3) -> Option<Fold> {
         let contact = self.contact.filter(|_| self.was_under_tension && self.is_under_tension())?;
         let shape = self.shape();
@@ -235,10 +235,10 @@ impl LocalSimulation {
         Shape { surface: &self.surface, model: &self.model, x: &self.state.x, elapsed: self.elapsed() }
     }
 
-    /// Energy lost in the velocity jump of the last tick, ½ Δvᵀ M Δv, J, under the velocity scheme; under the massless one
-    /// without the velocity that the contact holds. The geometric scheme has no such term: it changes velocities in several places and does not satisfy an energy balance. A step
-    /// whose impulse acts over the whole tick has none either: it loses the work of Λ over the gap that the tick closes
-    /// at its end.
+    /// Energy lost in the velocity jump of the last tick, ½ Δvᵀ M Δv, J, under the velocity scheme; under the massless
+    /// scheme without the velocity that the contact holds. The geometric scheme has no such term: it changes velocities
+    /// in several places and does not satisfy an energy balance. A step whose impulse acts over the whole tick has none
+    /// either: it loses the work of Λ over the gap that the tick closes at its end.
     ///
     /// ```
     /// use stickslip::{Vec3, contact::rules::Scheme, pipeline::Simulation, scene::Scene};

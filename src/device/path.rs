@@ -139,7 +139,7 @@ pub enum PathError {
         /// First line of the file.
         found: String,
     },
-    /// A field of the recording is no number.
+    /// A field of the recording is not a number.
     #[error("line {line}: `{text}` is not a number")]
     NotANumber {
         /// Line of the file, from 1.
@@ -183,7 +183,7 @@ impl TipPath {
         Self { interpolation, ..self }
     }
 
-    /// Names the file that the path was read from.
+    /// Records the file that the path was read from.
     pub fn with_recording(self, file: PathBuf) -> Self {
         Self { recording: Some(file), ..self }
     }

@@ -48,8 +48,8 @@ impl Recording {
     /// Reads a recording.
     ///
     /// # Errors
-    /// If the file cannot be read, lacks a column or has anything but numbers in it, or its times do not ascend; the
-    /// error names the line.
+    /// If the file cannot be read, lacks a column, has anything but numbers in the columns, or its times do not ascend. The
+    /// error names the line of a field that is not a number, and the waypoint of a time that does not ascend.
     pub fn read(&self, path: &Path) -> Result<TipPath, PathError> {
         let file = File::open(path).map_err(|error| PathError::Unreadable { path: path.to_owned(), error })?;
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
@@ -90,8 +90,8 @@ impl Recording {
     }
 }
 
-/// Smooths positions by a first-order low-pass forward and once more back, which cancels its lag. At the frequency `hz`
-/// each of the two leaves 1/√2 of the amplitude. Between samples the motion counts as linear, so the spacing of samples is free.
+/// Smooths positions by a first-order low-pass forward and then backward, which cancels its lag. At the frequency `hz` each
+/// pass leaves 1/√2 of the amplitude. Between samples the motion is taken as linear, so samples need no even spacing.
 fn smooth(waypoints: &mut [Waypoint], hz: f64) {
     let omega = std::f64::consts::TAU * hz;
     let mut pass = |backward: bool| {

@@ -1,4 +1,4 @@
-//! What can go wrong in a sparse factorisation.
+//! Errors of a sparse factorisation.
 
 use faer::sparse::linalg::{LltError, LuError};
 use faer::sparse::{CreationError, FaerError};

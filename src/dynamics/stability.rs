@@ -59,9 +59,9 @@ pub fn explicit_step_limit(springs: &Springs, x: &[Vec3], inverse_mass: &[f64], 
     StepLimit { step, omega: kappa.sqrt() }
 }
 
-/// Returns a limit that is at most the one of [`explicit_step_limit`], without an iteration: by Gershgorin's theorem for
-/// blocks, no eigenvalue of K̃ exceeds the largest Σⱼ ‖kᵢⱼ‖ (1/mᵢ + 1/√(mᵢmⱼ)) over the nodes i, and likewise for D̃. A step
-/// below it needs no further look.
+/// Returns a lower bound on the limit of [`explicit_step_limit`], without iteration: by Gershgorin's theorem for blocks, no
+/// eigenvalue of K̃ exceeds the largest Σⱼ ‖kᵢⱼ‖ (1/mᵢ + 1/√(mᵢmⱼ)) over the nodes i, and likewise for D̃. A step below the
+/// bound is stable.
 ///
 /// ```
 /// use stickslip::dynamics::stability::{explicit_step_limit, explicit_step_bound};

@@ -43,7 +43,7 @@ pub enum Shape {
     Quadrangle,
     /// A polygon of all its nodes.
     Polygon,
-    /// Triangles in a row, each of the last two nodes and one more.
+    /// A strip of triangles: every node after the second forms one with the two nodes before it.
     Strip,
     /// A quadrangle along the axes, whose last two corners are exchanged.
     Pixel,
@@ -55,10 +55,11 @@ pub enum Shape {
     Voxel,
 }
 
-/// Polygons are tried to be cut from this many corners; a convex one needs one try, unless corners lie on a line.
+/// Largest number of corners from which cutting a polygon is tried. A convex polygon needs one try, unless corners lie on a
+/// line.
 const TRIED_CORNERS: usize = 32;
 
-/// Faces of the cells that are cut, seen from outside anticlockwise (VTK's order of corners).
+/// Faces of the cells that are cut, with corners anticlockwise as seen from outside, in VTK's order of corners.
 const PYRAMID: &[&[usize]] = &[&[0, 3, 2, 1], &[0, 1, 4], &[1, 2, 4], &[2, 3, 4], &[3, 0, 4]];
 const WEDGE: &[&[usize]] = &[&[0, 1, 2], &[3, 5, 4], &[0, 3, 4, 1], &[1, 4, 5, 2], &[2, 5, 3, 0]];
 const HEXAHEDRON: &[&[usize]] =
@@ -77,7 +78,7 @@ impl Shape {
         }
     }
 
-    /// Whether the shape is that of a face.
+    /// Whether the shape is a surface element.
     fn is_flat(self) -> bool {
         match self {
             Shape::Triangle | Shape::Quadrangle | Shape::Polygon | Shape::Strip | Shape::Pixel => true,
@@ -91,7 +92,7 @@ impl Cells {
     pub(super) fn add(&mut self, element: usize, shape: Shape, nodes: &[u64]) -> Result<(), MeshProblem> {
         let corners = shape.corners().unwrap_or(nodes.len());
         if nodes.len() < corners.max(3) {
-            let name = format!("cell of {} nodes and a type that has more", nodes.len());
+            let name = format!("cell of {} nodes, which is fewer than its type has", nodes.len());
             return Err(MeshProblem::Element { element, name });
         }
         let mut known = Vec::with_capacity(corners);
@@ -112,7 +113,7 @@ impl Cells {
             Shape::Triangle | Shape::Quadrangle | Shape::Polygon => self.polygon(element, &known)?,
             Shape::Pixel => self.polygon(element, &taken(&[0, 1, 3, 2]))?,
             Shape::Strip => {
-                // Every other triangle of a strip is turned.
+                // The orientation alternates along a strip.
                 let triangles = known.windows(3).enumerate();
                 self.triangles
                     .extend(triangles.map(|(i, t)| if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] }));
@@ -121,10 +122,10 @@ impl Cells {
         Ok(())
     }
 
-    /// Cuts a cell into the tetrahedra from its lowest node to the faces that do not have it, each face divided from its
-    /// own lowest node on. Two cells divide their common face alike whatever else they are, since the rule looks at nothing but
-    /// the numbers of its nodes (J. Dompierre, P. Labbé, M.-G. Vallet, R. Camarero, "How to Subdivide Pyramids, Prisms and
-    /// Hexahedra into Tetrahedra", 1999).
+    /// Cuts a cell into tetrahedra from its lowest-numbered node to the faces without that node. Each face is divided from
+    /// its own lowest-numbered node. Two cells divide their common face alike, whatever their shapes, since the rule
+    /// depends on nothing but the numbers of its nodes (J. Dompierre, P. Labbé, M.-G. Vallet, R. Camarero, "How to
+    /// Subdivide Pyramids, Prisms and Hexahedra into Tetrahedra", 1999).
     fn cut(&mut self, faces: &[&[usize]], corners: &[u32]) {
         let Some(&apex) = corners.iter().min() else { return };
         for face in faces {
@@ -134,12 +135,12 @@ impl Cells {
             }
             let lowest = (0..face.len()).min_by_key(|&corner| face[corner]).unwrap_or(0);
             for [a, b, c] in fan(&face, lowest) {
-                // A cell with a repeated corner, as a wedge written as a hexahedron, has flat parts without a volume.
+                // A cell with a repeated corner, such as a wedge written as a hexahedron, has flat parts without a volume.
                 if a == b || b == c || c == a {
                     continue;
                 }
                 let mut tetrahedron = [apex, a, b, c];
-                // The cell may be counted in the opposite order: wedges are by some programs.
+                // Some programs list the corners of a cell in the opposite order, for instance of wedges.
                 if six_volumes(&self.nodes, &tetrahedron) < 0.0 {
                     tetrahedron.swap(2, 3);
                 }
@@ -148,7 +149,7 @@ impl Cells {
         }
     }
 
-    /// Cuts a polygon into a fan of triangles that all face the same side, which every convex one has.
+    /// Cuts a polygon into a fan of triangles that all face the same side. Every convex polygon has such a fan.
     fn polygon(&mut self, element: usize, corners: &[u32]) -> Result<(), MeshProblem> {
         if let &[a, b, c] = corners {
             self.triangles.push([a, b, c]);
@@ -176,7 +177,7 @@ impl Cells {
             nodes.sort_unstable();
             nodes
         });
-        // Triangles of opposite orientation are two sides of a wall, and no repetition.
+        // Two triangles of opposite orientation are the two sides of a wall, not a repetition.
         self.changes.repeated += without_repeated(&mut self.triangles, |mut nodes| {
             let lowest = (0..3).min_by_key(|&corner| nodes[corner]).unwrap_or(0);
             nodes.rotate_left(lowest);
@@ -184,7 +185,7 @@ impl Cells {
         });
     }
 
-    /// Multiplies the coordinates.
+    /// Multiplies the coordinates by `scale`.
     pub(super) fn scaled(mut self, scale: f64) -> Result<Self, MeshProblem> {
         self.nodes.iter_mut().for_each(|node| *node *= scale);
         match self.nodes.iter().enumerate().find(|(_, x)| !x.iter().all(|x| x.is_finite())) {
@@ -213,13 +214,13 @@ impl Cells {
     }
 }
 
-/// Triangles of a polygon from one of its corners on.
+/// Returns the fan of triangles of a polygon from one of its corners.
 fn fan(corners: &[u32], first: usize) -> impl Iterator<Item = [u32; 3]> {
     let corner = move |i: usize| corners[(first + i) % corners.len()];
     (1..corners.len().saturating_sub(1)).map(move |i| [corner(0), corner(i), corner(i + 1)])
 }
 
-/// Removes the elements whose key an earlier one has, and returns their number.
+/// Removes every element whose key equals that of an earlier one, and returns the number removed.
 fn without_repeated<const N: usize>(elements: &mut Vec<[u32; N]>, key: impl Fn([u32; N]) -> [u32; N]) -> usize {
     let mut keys: Vec<([u32; N], u32)> = (0..).zip(elements.iter()).map(|(i, &nodes)| (key(nodes), i)).collect();
     keys.sort_unstable();

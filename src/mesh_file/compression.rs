@@ -1,4 +1,4 @@
-//! The compressors of VTK's XML formats, over blocks whose size after decompression the file announces.
+//! The compressors of VTK's XML formats. The file announces the size of each block after decompression.
 
 use super::error::MeshProblem;
 
@@ -13,7 +13,7 @@ pub enum Compressor {
 }
 
 impl Compressor {
-    /// Returns the compressor of VTK's name.
+    /// Returns the compressor that VTK calls by this name.
     pub fn named(name: &str) -> Option<Self> {
         match name {
             "vtkZLibDataCompressor" => Some(Compressor::Zlib),
@@ -25,8 +25,8 @@ impl Compressor {
         }
     }
 
-    /// Decompresses a block to this many bytes, neither more nor fewer. No more than that is allocated, nor, where the compressor has a
-    /// largest ratio, more than the block can become.
+    /// Decompresses a block to exactly this many bytes. No more than that is allocated and, for a compressor with a largest
+    /// ratio, no more than the block can expand to.
     pub fn decompress(self, block: &[u8], size: usize) -> Result<Vec<u8>, MeshProblem> {
         let (what, data) = match self {
             Compressor::Zlib => {
@@ -48,7 +48,7 @@ impl Compressor {
 
 #[cfg(feature = "files")]
 fn lz4(block: &[u8], size: usize) -> Result<Vec<u8>, String> {
-    // A byte of a block adds up to 255 to a length.
+    // Each byte of a block adds at most 255 to a length.
     const LARGEST_RATIO: usize = 255;
     if size > block.len().saturating_mul(LARGEST_RATIO) {
         return Err(format!("{} bytes for {size}", block.len()));
@@ -59,7 +59,7 @@ fn lz4(block: &[u8], size: usize) -> Result<Vec<u8>, String> {
     Ok(data)
 }
 
-/// VTK writes a block as one xz stream. The crate has no limit of its own, so the chunks are added up before.
+/// VTK writes a block as one xz stream. The crate has no limit of its own, so the sizes of the chunks are added up first.
 #[cfg(feature = "files")]
 fn lzma(mut block: &[u8], size: usize) -> Result<Vec<u8>, String> {
     if announced_by_xz(block) != Some(size) {
@@ -70,8 +70,8 @@ fn lzma(mut block: &[u8], size: usize) -> Result<Vec<u8>, String> {
     Ok(data)
 }
 
-/// Returns the size of an xz stream of one LZMA2 block after decompression, as its chunks have it; `None` if it is none (the .xz file
-/// format, <https://tukaani.org/xz/xz-file-format.txt>).
+/// Returns the size after decompression that the chunks of an xz stream of one LZMA2 block announce; `None` if the data are
+/// no such stream (the .xz file format, <https://tukaani.org/xz/xz-file-format.txt>).
 #[cfg(feature = "files")]
 fn announced_by_xz(stream: &[u8]) -> Option<usize> {
     const STREAM_HEADER: usize = 12;
@@ -83,7 +83,8 @@ fn announced_by_xz(stream: &[u8]) -> Option<usize> {
     };
     let mut chunks = block.get(header..)?;
     let mut size = 0_usize;
-    // Controls: the end, data as they are, or compressed data with the highest bits of their size, and from 0xC0 on their properties.
+    // Control bytes: 0 ends the block; 1 and 2 precede plain data; from 0x80 on they precede compressed data and hold the
+    // highest bits of its size; from 0xC0 on, a byte of properties follows.
     let end = loop {
         let number = |at: usize| Some(usize::from(u16::from_be_bytes([*chunks.get(at)?, *chunks.get(at + 1)?])));
         let control = *chunks.first()?;
@@ -101,7 +102,8 @@ fn announced_by_xz(stream: &[u8]) -> Option<usize> {
         };
         chunks = chunks.get(length..)?;
     };
-    // Another block would begin with its size, where the index begins with a zero: behind padding and a check of four or eight bytes.
+    // After padding and a check of four or eight bytes comes the index, which begins with a zero. Another block would begin
+    // with its size instead.
     let at = stream.len() - end.len();
     let padded = at.next_multiple_of(4);
     let check = match stream.get(7)? & 0xf {

@@ -113,20 +113,20 @@ pub enum MeshProblem {
     /// A required part is missing.
     #[error("has no {0}")]
     Missing(&'static str),
-    /// The file announces a number that is not the number of what it has.
+    /// The file announces a number of items that differs from what it contains.
     #[error("announces {announced} {what}, but has {found}")]
     Count {
         /// Content that is counted.
         what: &'static str,
         /// Number announced.
         announced: u64,
-        /// Number found; where more than announced were not read, one more than announced.
+        /// Number found. Reading stops at one more than announced.
         found: u64,
     },
     /// The file is in an unsupported variety of its format.
     #[error("is in {0}, which is not supported")]
     Variety(String),
-    /// An element is of no shape that is supported, nor ignored as points and lines are.
+    /// An element has a shape that is not supported. Points and lines are ignored instead.
     #[error("element {element} is a {name}, which is not supported")]
     Element {
         /// Index of the element.
@@ -219,7 +219,7 @@ pub enum MeshProblem {
         from_position: [f64; 3],
         /// Position of the second node, m.
         to_position: [f64; 3],
-        /// Whether parts have been separated as far as possible, and these cannot be.
+        /// Whether `mesh.repair` has separated parts as far as possible, and these remain.
         is_separated: bool,
     },
     /// Parts of the body, or of its surface, touch at a node.
@@ -229,7 +229,7 @@ pub enum MeshProblem {
         node: u32,
         /// Position of the node, m.
         position: [f64; 3],
-        /// Whether the parts have been separated as far as nodes can be, and this one cannot.
+        /// Whether `mesh.repair` has separated parts as far as possible, and this node remains.
         is_separated: bool,
     },
     /// The surface encloses nothing.
@@ -295,7 +295,7 @@ impl MeshProblem {
                  edge away from it, or mesh again"
             }
             MeshProblem::Flat { .. } => {
-                "remove it if it lies at the surface, as one by a Delaunay triangulation: in PyVista \
+                "remove it if it lies at the surface, as Delaunay triangulations leave them: in PyVista \
                  `mesh.compute_cell_sizes().threshold(v, scalars=\"Volume\")` keeps those of a volume above v; else mesh again"
             }
             MeshProblem::Overlap { .. } => {
@@ -306,7 +306,7 @@ impl MeshProblem {
                 "give one connected body: in PyVista `mesh.connectivity(\"largest\")` takes the largest piece"
             }
             MeshProblem::Surface(_) => {
-                "the surface has no two sides, or lies on itself: remove the triangles that are no part of the outside"
+                "the surface is one-sided, or lies on itself: remove the triangles that are not part of the outside"
             }
             MeshProblem::Open { .. } => {
                 "close the holes, since a body needs an inside: in PyVista `mesh.fill_holes(size)`, or \
@@ -316,7 +316,7 @@ impl MeshProblem {
                 "`mesh.repair = true` separates the parts there, and adds a node for each of them"
             }
             MeshProblem::PinchedEdge { .. } => {
-                "a wall inside the body ends here: remove the triangles that are no part of the outside"
+                "a wall inside the body ends here: remove the triangles that are not part of the outside"
             }
             MeshProblem::Pinched { .. } => {
                 "a hole through the body ends in this one node: remove the tetrahedra around it, or mesh again"

@@ -1,5 +1,5 @@
-//! VTK's legacy format, as text and binary (big-endian), versions 1 to 5.1: unstructured grids, and poly data. Keywords may be
-//! in either case, and text goes on anywhere, as VTK's own reader has it (`vtkDataReader.cxx`).
+//! VTK's legacy format, as text and binary (big-endian), versions 1 to 5.1: unstructured grids and poly data. Keywords are
+//! case-insensitive, and text may continue on any line, as in VTK's own reader (`vtkDataReader.cxx`).
 
 use super::cells::Cells;
 use super::error::{Flaw, MeshProblem};
@@ -151,7 +151,7 @@ fn field(cursor: &mut Cursor) -> Result<(), Flaw> {
     let arrays: u64 = cursor.word("the number of arrays")?;
     for _ in 0..arrays {
         let mut name: String = cursor.word("the name of an array")?;
-        // Names behind the first array may come after what is said about it.
+        // The metadata of an array may precede the name of the next one.
         while name.eq_ignore_ascii_case("metadata") {
             metadata(cursor);
             name = cursor.word("the name of an array")?;

@@ -5,7 +5,7 @@
 //! `fixtures/meshes/formats`): mshio 0.4 drops the numbers of nodes where they have no gaps, whatever their order; vtkio 0.6 does
 //! not know the cells of legacy VTK 5.1; stl_io 0.11 reads only the first solid of a file, no keywords in upper case, and 32 bits
 //! of a coordinate; tobj 4.0 gives every group of an OBJ file nodes of its own, which opens a surface between groups; ply-rs-bw
-//! 4.0 refuses the numbers `3.` and `.5`, and values that go on on the next line. XML, base64, zlib, lz4 and lzma come from
+//! 4.0 refuses the numbers `3.` and `.5`, and values that continue on the next line. XML, base64, zlib, lz4 and lzma come from
 //! crates.
 
 mod cells;
@@ -142,7 +142,7 @@ impl MeshFile {
         if cells.tetrahedra.is_empty() && cells.triangles.is_empty() {
             return Err(fail(MeshProblem::Empty.into()));
         }
-        // A hexahedron of few bytes is six tetrahedra.
+        // A hexahedron, which takes few bytes in a file, becomes six tetrahedra.
         let elements = (cells.tetrahedra.len() + cells.triangles.len()) as u64;
         let needed = elements.saturating_mul(BYTES_PER_ELEMENT);
         if needed > budget {

@@ -102,7 +102,7 @@ struct Reader {
     elements: usize,
     /// Index and shape of each element that is used, and the end of its nodes in `connectivity`.
     used: Vec<(u32, Shape, usize)>,
-    /// Numbers of the nodes of one element after the other.
+    /// Node numbers of all elements, one element after the other.
     connectivity: Vec<u64>,
 }
 

@@ -70,7 +70,7 @@ impl Number {
 pub struct Cursor<'a> {
     bytes: &'a [u8],
     at: usize,
-    /// Where the word, line or number that was read last begins: the place of a problem with it.
+    /// Start of the word, line or number that was read last: the place that an error about it states.
     last: usize,
     /// Encoding of the numbers from this position on.
     pub encoding: Encoding,
@@ -81,7 +81,7 @@ impl<'a> Cursor<'a> {
         Self { bytes, at: 0, last: 0, encoding }
     }
 
-    /// Returns a problem with what was read last: at its line in text, at its byte in binary data.
+    /// Returns a problem with what was read last, placed at its line in text and at its byte in binary data.
     pub fn flaw(&self, problem: MeshProblem) -> Flaw {
         let place = match self.encoding {
             Encoding::Text => Place::Line(self.line_number()),
@@ -95,13 +95,13 @@ impl<'a> Cursor<'a> {
         1 + self.bytes[..self.last].iter().filter(|&&byte| byte == b'\n').count()
     }
 
-    /// Returns the problem that the data end here: on the last line that has any.
+    /// Returns the problem that the data end too early, placed at the last line with any content.
     pub fn ended(&mut self, what: &'static str) -> Flaw {
         self.last = self.at.min(self.bytes.trim_ascii_end().len());
         self.flaw(MeshProblem::Ended(what))
     }
 
-    /// Returns the problem that something else was read.
+    /// Returns the problem that something unexpected was read.
     pub fn expected(&self, what: &'static str, found: &[u8]) -> Flaw {
         const SHOWN: usize = 40;
         let found = String::from_utf8_lossy(&found[..found.len().min(SHOWN)]).into_owned();
@@ -141,7 +141,8 @@ impl<'a> Cursor<'a> {
         self.last = last;
     }
 
-    /// Returns the next word of this line, which a backslash at its end continues; `None` at its end, which is read too.
+    /// Returns the next word of this line; `None` at its end, which counts as read too. A backslash at its end continues
+    /// the line.
     pub fn word_on_line(&mut self) -> Option<&'a [u8]> {
         loop {
             let rest = &self.bytes[self.at..];
@@ -206,7 +207,7 @@ impl<'a> Cursor<'a> {
         Ok(())
     }
 
-    /// Moves to the beginning of the data behind a keyword: binary ones begin on the next line, text goes on anywhere.
+    /// Moves to the beginning of the data after a keyword: binary data begin on the next line, text may begin on any.
     pub fn begin_data(&mut self) {
         if self.encoding != Encoding::Text {
             self.line();

@@ -45,8 +45,8 @@ pub fn read(bytes: &[u8]) -> Result<Cells, Flaw> {
     Ok(cells)
 }
 
-/// Returns the index of a vertex from `vertex`, `vertex/texture` or `vertex/texture/normal`: counted from 1, or, if negative, back from
-/// the last one so far.
+/// Returns the index of a vertex from `vertex`, `vertex/texture` or `vertex/texture/normal`. Numbers count from 1 or, if
+/// negative, back from the last vertex so far.
 fn vertex(word: &[u8], so_far: usize) -> Option<u64> {
     let number = word.split(|&byte| byte == b'/').next()?;
     let number: i64 = std::str::from_utf8(number).ok()?.parse().ok()?;

@@ -1,5 +1,5 @@
-//! Parts of a body that touch at a node or at an edge only, and their separation. There springs would join what no face of a
-//! tetrahedron joins, and the surface would have no inside.
+//! Separation of the parts of a body that touch only at a node or an edge. There, springs would join parts that no face of
+//! a tetrahedron joins, and the surface would have no defined inside.
 
 use std::collections::HashMap;
 
@@ -49,7 +49,7 @@ fn separate_at_nodes(nodes: &mut Vec<Vec3>, tetrahedra: &mut [[u32; 4]]) {
     give_nodes(nodes, tetrahedra, &mut parts);
 }
 
-/// Gives every group of corners a node of its own: the first group of a node keeps it.
+/// Gives every group of corners a node of its own; the first group of a node keeps that node.
 fn give_nodes<const N: usize>(nodes: &mut Vec<Vec3>, elements: &mut [[u32; N]], parts: &mut Groups) {
     let mut first_part: Vec<Option<u32>> = vec![None; nodes.len()];
     let mut copies: HashMap<u32, u32> = HashMap::new();
@@ -126,7 +126,8 @@ pub fn separate_surface(nodes: &mut Vec<Vec3>, triangles: &mut [[u32; 3]]) -> us
         3 * triangle + corner.unwrap_or(0) as u32
     };
     for edge in edges.chunk_by(|a, b| a.0 == b.0) {
-        // At an edge of more triangles it is open which of them belong together: all stay joined, and the edge is refused.
+        // At an edge of more than two triangles, which of them belong together is undefined: all stay joined, and the edge
+        // is refused.
         for pair in edge.windows(2) {
             pair[0].0.iter().for_each(|&node| parts.join(item(pair[0].1, node), item(pair[1].1, node)));
         }

@@ -1,5 +1,5 @@
-//! PLY: elements with named properties, which the header declares, as text or binary in either order (G. Turk, "The PLY Polygon
-//! File Format", 1994). Vertices and faces are read, and other elements skipped.
+//! PLY: elements with named properties, which the header declares, as text or binary in either byte order (G. Turk, "The
+//! PLY Polygon File Format", 1994). Vertices and faces are read, and other elements skipped.
 
 use super::cells::{Cells, Shape};
 use super::error::{Flaw, MeshProblem};
@@ -29,7 +29,7 @@ pub fn read(bytes: &[u8]) -> Result<Cells, Flaw> {
     let mut faces: Vec<u64> = Vec::new();
     let mut ends: Vec<usize> = Vec::new();
     for element in &elements {
-        // Elements of nothing take no bytes, so any number of them could be announced.
+        // Elements without properties take no bytes, so any number of them could be announced.
         let count = if element.properties.is_empty() { 0 } else { element.count };
         for _ in 0..count {
             match element.name.as_str() {

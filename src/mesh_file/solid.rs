@@ -45,8 +45,8 @@ pub fn six_volumes(nodes: &[Vec3], corners: &[u32; 4]) -> f64 {
     (b - a).cross(&(c - a)).dot(&(d - a))
 }
 
-/// Turns inverted tetrahedra round, since programs count corners in either order, some of them in one mesh. Returns their
-/// number; zero if every one is inverted, as by a program with the opposite order.
+/// Turns inverted tetrahedra round, since programs list corners in either order, and some mix both in one mesh. Returns the
+/// number of tetrahedra turned; zero if every one is inverted, as by a program with the opposite order.
 fn orient(nodes: &[Vec3], tetrahedra: &mut [[u32; 4]]) -> Result<usize, MeshProblem> {
     let mut turned = 0;
     for (element, corners) in tetrahedra.iter_mut().enumerate() {

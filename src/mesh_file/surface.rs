@@ -54,7 +54,7 @@ impl Groups {
         Self((0..items as u32).collect())
     }
 
-    /// Returns the item that stands for a group: the lowest of it.
+    /// Returns the representative of a group: its lowest item.
     pub fn of(&mut self, mut item: u32) -> u32 {
         while self.0[item as usize] != item {
             self.0[item as usize] = self.0[self.0[item as usize] as usize];
@@ -63,7 +63,7 @@ impl Groups {
         item
     }
 
-    /// Makes one group of two.
+    /// Merges two groups.
     pub fn join(&mut self, one: u32, other: u32) {
         let (one, other) = (self.of(one), self.of(other));
         self.0[one.max(other) as usize] = one.min(other);
@@ -88,8 +88,8 @@ pub fn connected<const N: usize>(nodes: usize, elements: &[[u32; N]]) -> Result<
     Err(MeshProblem::Pieces { sizes })
 }
 
-/// Turns triangles round so that neighbours are oriented alike, the fewer ones of each part. Returns their number. A surface with
-/// only one side keeps a contradiction.
+/// Turns triangles round so that neighbours have the same orientation; in each part, the minority is turned. Returns the
+/// number of triangles turned. A one-sided surface keeps a contradiction.
 pub fn orient(triangles: &mut [[u32; 3]]) -> usize {
     // Entries: the edge's nodes ascending, the triangle, and whether it runs from the lower to the higher.
     let mut edges: Vec<([u32; 2], u32, bool)> = Vec::with_capacity(3 * triangles.len());

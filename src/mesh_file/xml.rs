@@ -1,5 +1,5 @@
-//! VTK's XML formats for unstructured grids and poly data: numbers as text, in base64 or raw, inline or appended, as they are or
-//! compressed. What is announced is checked against what is there before anything of its size is made.
+//! VTK's XML formats for unstructured grids and poly data: numbers as text, in base64 or raw, inline or appended, plain or
+//! compressed. Announced sizes are checked against the data before memory of that size is allocated.
 
 use std::cell::Cell;
 
@@ -118,8 +118,8 @@ fn count(node: Node, name: &'static str) -> Result<u64, Flaw> {
     text.trim().parse().map_err(|_| Flaw { place: line_of(node), problem: expected() })
 }
 
-/// Splits off the appended data. Returns the XML without it, as it need not be text, and the appended data from behind
-/// its `_` on.
+/// Splits off the appended data. Returns the XML without the appended data, which need not be text, and the data after its
+/// `_`.
 fn split(bytes: &[u8]) -> Result<(String, Option<&[u8]>), Flaw> {
     const TAG: &[u8] = b"<AppendedData";
     const WHAT: &str = "appended data";
@@ -138,7 +138,7 @@ fn split(bytes: &[u8]) -> Result<(String, Option<&[u8]>), Flaw> {
     bounded(head)?;
     let text = match std::str::from_utf8(head) {
         Ok(text) => text.to_owned(),
-        // Every byte of Latin-1 is a character of the same number.
+        // Every byte of Latin-1 is the character with the same number.
         Err(_) if is_latin(head) => head.iter().copied().map(char::from).collect(),
         Err(error) => {
             let found = "bytes that are neither UTF-8 nor declared as ISO-8859-1".to_owned();
@@ -158,8 +158,8 @@ fn is_latin(head: &[u8]) -> bool {
     declaration.windows(10).any(|window| window == b"iso-8859-1")
 }
 
-/// Checks what would take the XML parser more than memory in proportion to the file: entities, which multiply, and tags of many
-/// attributes, each of which is compared with all others, and namespaces, which every element inside has too.
+/// Rejects what would cost the XML parser more than in proportion to the file: entities, which multiply; tags with many
+/// attributes, each of which is compared with all others; and namespaces, which every nested element inherits.
 fn bounded(head: &[u8]) -> Result<(), Flaw> {
     const LONGEST_TAG: usize = 4096;
     const MOST_NAMESPACES: usize = 16;
@@ -199,7 +199,7 @@ struct Arrays<'a> {
     is_raw: bool,
     /// Memory that reading may take, bytes.
     budget: u64,
-    /// Bytes that may still be made of the file's arrays.
+    /// Number of bytes to which the file's arrays may still expand.
     left: Cell<u64>,
 }
 
@@ -223,7 +223,7 @@ impl<'a> Arrays<'a> {
                 None => return variety("compressor", name),
             },
         };
-        // As VTK has it: whatever is not raw is in base64.
+        // As in VTK, whatever is not raw is in base64.
         let data = file.children().find(|node| node.has_tag_name("AppendedData"));
         let is_raw = data.and_then(|node| node.attribute("encoding")) == Some("raw");
         let left = Cell::new(budget / BYTES_PER_BYTE);
@@ -364,12 +364,12 @@ fn real(cursor: &mut Cursor, number: Number, what: &'static str) -> Result<f64, 
     cursor.real(number, what)
 }
 
-/// Data of an array and of what stands behind it.
+/// Data of an array and of what follows it.
 enum Source<'a> {
     Raw(&'a [u8]),
     Base64 {
         text: &'a [u8],
-        /// Bytes decoded and not taken, fewer than a group of characters has.
+        /// Bytes decoded and not yet taken: fewer than one group of characters holds.
         decoded: Vec<u8>,
     },
 }

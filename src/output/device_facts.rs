@@ -101,13 +101,13 @@ impl ContactFacts {
     }
 }
 
-/// What bends between the links and the tip in the hand.
+/// Compliant structure between the links and the tip in the hand.
 #[derive(Debug, Serialize)]
 struct StructureFacts {
     stiffness_n_per_m: f64,
     tip_mass_kg: f64,
     damping_ratio: f64,
-    /// Frequency of the mode along the device's axes, the tip being free.
+    /// Frequency of the structural mode along the device's x, y and z with a free tip, Hz.
     frequency_hz: [f64; 3],
 }
 
@@ -200,7 +200,7 @@ impl DeviceFacts {
         ];
         if let Some(structure) = &self.structure {
             lines.push(format!(
-                "  structure {} N/m to a tip of {} g, damped by {}: {} Hz if nobody holds it",
+                "  structure {} N/m, tip of {} g, damping ratio {}: {} Hz with a free tip",
                 structure.stiffness_n_per_m,
                 1e3 * structure.tip_mass_kg,
                 structure.damping_ratio,

@@ -44,8 +44,8 @@ pub enum RunFilesError {
     Write(#[from] WriteError),
 }
 
-/// Files of an earlier run that a new one removes: first its summary, without which a result is incomplete, and what this run may not
-/// write again.
+/// Files of an earlier run that a new run removes: first the summary, which marks a result as complete, then the files that
+/// the new run may not replace.
 const OF_A_RUN: [&str; 6] = ["summary.json", "trace.csv", "network.json", "forces.svg", "session.json", "timing.json"];
 
 /// A run whose files are written.
@@ -87,8 +87,9 @@ pub fn run_into(scene: &Scene, out: &Path, watch: impl FnMut(&TickView)) -> Resu
     Ok(write_run(scene, simulation, &foreseen, &folder, watch, drive, |_| Ok(()))?)
 }
 
-/// Writes the files of a simulation that `drive` runs. `foreseen` are the warnings before the run. `drive` calls its second argument after every tick, and returns
-/// the fault if one ended the run. `conclude` writes what else belongs to the run, and may change the summary, which is written last.
+/// Writes the files of a simulation that `drive` runs. `foreseen` are the warnings before the run. `drive` calls its
+/// second argument after every tick, and returns the fault if one ended the run. `conclude` writes what else belongs to
+/// the run, and may change the summary, which is written last.
 ///
 /// # Errors
 /// If a file cannot be written.

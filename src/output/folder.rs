@@ -46,10 +46,10 @@ impl ResultFolder {
         let lock = match File::open(path).map(|folder| folder.try_lock().map(|()| folder)) {
             Ok(Ok(folder)) => Some(folder),
             Ok(Err(TryLockError::WouldBlock)) => {
-                let busy = "another process is writing results into it: wait for that, or write elsewhere";
+                let busy = "another process is writing results into it: wait until it ends, or write elsewhere";
                 return Err(failed(io::Error::new(io::ErrorKind::ResourceBusy, busy)));
             }
-            // Some systems do not open folders, some file systems do not lock.
+            // Some systems cannot open a folder as a file, and some file systems have no locks.
             Ok(Err(TryLockError::Error(_))) | Err(_) => None,
         };
         Ok(Self { path: path.to_owned(), _lock: lock })
@@ -60,11 +60,11 @@ impl ResultFolder {
         &self.path
     }
 
-    /// Removes files of an earlier result, in this order. The one that concludes a result comes first, so that a result without it
-    /// is known to be incomplete.
+    /// Removes files of an earlier result, in the given order. The file that concludes a result comes first, so that a
+    /// result without it is known to be incomplete.
     ///
     /// # Errors
-    /// If one is there and cannot be removed.
+    /// If a file is there and cannot be removed.
     pub fn clear(&self, names: &[&str]) -> Result<(), WriteError> {
         names.iter().map(|name| self.path.join(name)).try_for_each(remove)
     }
@@ -72,7 +72,7 @@ impl ResultFolder {
     /// Removes the frames of an earlier run, and their folder unless something else is in it.
     ///
     /// # Errors
-    /// If one cannot be removed.
+    /// If a frame cannot be removed.
     pub fn clear_frames(&self) -> Result<(), WriteError> {
         self.clear(&["network.pvd", "instrument.pvd"])?;
         let folder = self.path.join(vtk::FRAMES);
@@ -81,7 +81,7 @@ impl ResultFolder {
                 remove(entry.path())?;
             }
         }
-        // It stays where it holds anything else.
+        // The folder stays if it holds anything else.
         let _ = fs::remove_dir(folder);
         Ok(())
     }
@@ -110,7 +110,8 @@ fn remove(path: PathBuf) -> Result<(), WriteError> {
     }
 }
 
-/// A file that appears under its name when it is complete. Dropped before, it leaves nothing.
+/// A file that appears under its name only when it is complete. If it is dropped before [`finish`](Self::finish), nothing
+/// of it is left.
 #[derive(Debug)]
 pub struct WholeFile {
     file: File,
@@ -162,7 +163,7 @@ fn unfinished_files() -> std::sync::MutexGuard<'static, Vec<PathBuf>> {
 /// Removes the files that are being written, before a signal ends the process.
 pub fn remove_unfinished() {
     for path in unfinished_files().drain(..) {
-        // Nothing is left to do about one that cannot be removed.
+        // A file that cannot be removed stays: the process is about to end.
         let _ = fs::remove_file(path);
     }
 }

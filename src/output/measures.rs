@@ -97,7 +97,7 @@ impl ContactMeasures {
     }
 }
 
-/// Returns whether the contact saw the tip where it is now. In a skipped tick it moves on, unseen, until the next computed one.
+/// Returns whether contact was computed at the tip's present position. In a skipped tick the tip moves on without it.
 fn is_seen(view: &TickView) -> bool {
     view.deadline_outcome != DeadlineOutcome::Skipped
 }

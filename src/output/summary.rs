@@ -43,14 +43,14 @@ impl Summary {
         self.ticks - self.mode_ticks.free
     }
 
-    /// Adds how a run in real time ended, to the summary of its repetition in virtual time.
+    /// Records how a run in real time ended, in the summary of its repetition in virtual time.
     pub fn add_real_time(&mut self, is_reproduced: bool, is_stopped: bool) {
         self.reproduced = Some(is_reproduced);
         self.completed &= is_reproduced && !is_stopped;
         self.verdict = RunVerdict::of(self);
     }
 
-    /// Takes over what was learnt after the run: that it was stopped, warnings. The verdict follows.
+    /// Applies changes that are known only after the run, such as warnings or that it was stopped, and updates the verdict.
     pub fn with(mut self, change: impl FnOnce(&mut Self)) -> Self {
         change(&mut self);
         self.verdict = RunVerdict::of(&self);
@@ -228,13 +228,13 @@ pub struct Summary {
     pub version: &'static str,
     /// Whether the run reached its duration.
     pub completed: bool,
-    /// Of a run in real time: whether its repetition in virtual time, which the trace is of, commanded the same forces to
-    /// the bit. If not, the trace did not happen, and the run does not count as completed.
+    /// Whether the repetition of a run in real time, which the trace records, commanded the same forces to the bit; absent
+    /// in virtual time. If it did not, the trace is not that of the run, and the run does not count as completed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reproduced: Option<bool>,
     /// The fault that ended it, if one did.
     pub fault: Option<String>,
-    /// Verdict on the run, from what follows.
+    /// Verdict on the run, derived from the other fields.
     pub verdict: RunVerdict,
     /// Warnings before and after the run.
     pub warnings: Vec<Warning>,
@@ -259,7 +259,7 @@ pub struct Summary {
     /// Ticks with the tip inside the surface, no force and no contact kept, as [`ContactMeasures`] defines them; 0 in a
     /// run that passes.
     pub tunnelling_ticks: u64,
-    /// Folds of the patch over the tip: 0, or 1 if the run ended by [`FaultCause::PatchFolded`].
+    /// 1 if the run ended because the patch folded over the tip ([`FaultCause::PatchFolded`]), else 0.
     pub patch_folded: u64,
     /// Ticks in which the law had no solution for the contact's response and sliding was solved instead.
     pub fallback_ticks: u64,
@@ -302,7 +302,7 @@ pub struct Summary {
     /// What may help against an energy residual, of what the scene does not have.
     #[serde(skip)]
     pub energy_advice: String,
-    /// SHA-256 of every other file of the run, by its name: files that fit belong to this run, whatever else is in the folder.
+    /// SHA-256 of every other file of the run, by its name. A file with another hash belongs to another run.
     pub files: BTreeMap<&'static str, String>,
     /// Wall-clock time of the run and its output, s.
     pub wall_time_s: f64,

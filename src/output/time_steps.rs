@@ -1,4 +1,4 @@
-//! The time steps of a scene, and how long they may be.
+//! The time steps of a scene, with their stability limits.
 
 use serde::Serialize;
 
@@ -14,11 +14,12 @@ use crate::scene::Scene;
 /// The local tick and the global substep, with their stability limits at the start of the run.
 #[derive(Debug, Clone, Serialize)]
 pub struct TimeSteps {
-    /// Local tick; the limit is that of a fixed exterior.
+    /// Local tick; its limit is that of a fixed exterior.
     pub local: TimeStep,
     /// Global substep.
     pub global: TimeStep,
-    /// Whether the network is integrated at all: not under `full`, nor where a patch of all nodes is replayed.
+    /// Whether the network is integrated at all. It is not under `full`, nor where the path of a patch of all nodes is
+    /// replayed.
     pub integrates: bool,
 }
 
@@ -31,20 +32,20 @@ pub struct TimeStep {
     pub limit_s: Option<f64>,
     /// Angular frequency of the fastest mode, rad/s.
     pub omega_max_rad_s: f64,
-    /// The integrator, if it is stable at every stiffness.
+    /// Name of the integrator, if it is stable at every stiffness.
     pub unlimited: Option<&'static str>,
 }
 
 impl TimeSteps {
-    /// Computes the limits.
+    /// Computes the stability limits of both steps.
     pub fn new(scene: &Scene, simulation: &Simulation) -> Self {
         Self::by(scene, simulation, |springs, x, inverse_mass, drag, _| {
             explicit_step_limit(springs, x, inverse_mass, drag)
         })
     }
 
-    /// Computes limits where a bound does not show that a step is stable; elsewhere the bound stands for the limit. The bound costs one
-    /// look at every spring, the limit up to a thousand.
+    /// Computes the limit of a step only where a lower bound on it does not already show that the step is stable; elsewhere
+    /// the bound stands for the limit. The bound takes one pass over the springs, the limit up to a thousand.
     pub fn where_in_doubt(scene: &Scene, simulation: &Simulation) -> Self {
         Self::by(scene, simulation, |springs, x, inverse_mass, drag, step_s| {
             let bound = explicit_step_bound(springs, x, inverse_mass, drag);
@@ -94,7 +95,7 @@ impl TimeStep {
         self.limit_s.is_some_and(|limit| !(self.step_s <= limit))
     }
 
-    /// Describes step and limit.
+    /// Describes the step and its limit in words.
     pub fn text(&self) -> String {
         if let Some(integrator) = self.unlimited {
             let turn = self.step_s * self.omega_max_rad_s;

@@ -97,7 +97,7 @@ impl RunVerdict {
     /// // A tip that has not come down yet shows nothing about contact.
     /// let early = RunVerdict::in_report(&summary(50)?, None, None);
     /// assert_eq!((early.verdict, early.because), (Verdict::Inconclusive, "no contact"));
-    /// // Half of the force is missing, or the force is no number; or the scene is expected to end in a fault.
+    /// // A force error above one half, one that is not a number, and an expected fault that does not occur.
     /// assert_eq!(RunVerdict::in_report(&whole, Some(0.6), None).verdict, Verdict::Inconclusive);
     /// assert_eq!(RunVerdict::in_report(&whole, Some(f64::NAN), None).verdict, Verdict::Fail);
     /// assert_eq!(RunVerdict::in_report(&whole, None, Some(Expectation::Faults)).verdict, Verdict::Fail);

@@ -1,4 +1,4 @@
-//! Warnings about a run: before it, from its scene and its first model, and after it, from what happened.
+//! Warnings about a run: before it, from the scene and its first local model; after it, from what happened.
 
 use super::device_facts::DeviceFacts;
 use super::time_steps::TimeSteps;
@@ -10,12 +10,12 @@ use crate::model::mesh::bounding_box;
 use crate::pipeline::Simulation;
 use crate::scene::{Scene, Warning};
 
-/// A tip is far away beyond this many diagonals of the body.
+/// Distance of the tip from the body's centre above which there is a warning, in diagonals of the body.
 const FAR_DIAGONALS: f64 = 10.0;
 /// Largest number of points of a path that are compared with the surface at rest.
 const PATH_POINTS: u64 = 2000;
 
-/// Warnings of what follows from a scene and its first local model.
+/// Returns the warnings that follow from a scene and its first local model.
 ///
 /// ```
 /// use stickslip::output::{time_steps::TimeSteps, warnings};
@@ -120,7 +120,7 @@ fn distance(scene: &Scene, simulation: &Simulation) -> Vec<Warning> {
             ),
         ));
     }
-    // A surface that sinks under its weight is not where it is at rest.
+    // The shape at the start of the run: a surface that has settled under its weight is not where its nodes were.
     let shape = simulation.local().shape();
     let nearest = tips().map(|tip| shape.signed_distance(tip)).fold(f64::INFINITY, f64::min);
     if nearest > 0.0 {
@@ -140,7 +140,7 @@ fn never_touches(nearest_m: f64) -> Warning {
 /// Code of the warning of a path without contact.
 const NEVER_TOUCHES: &str = "never-touches";
 
-/// Corrects what was foreseen by what happened: a run with contact has touched, and one without has not.
+/// Returns the foreseen warnings, corrected by whether the tip touched the body in the run.
 pub fn after_run(foreseen: &[Warning], contact_ticks: u64) -> Vec<Warning> {
     let mut warnings = foreseen.to_vec();
     if contact_ticks > 0 {

@@ -19,7 +19,7 @@ use crate::multirate::timeline::RecordedTimes;
 ///
 /// let mut global = GlobalTimes::new(100, 100_000_000); // cycles of 100 ticks and 0.1 s
 /// global.record(40_000_000, 39_000_000, 1);
-/// global.record(150_000_000, 60_000_000, 2); // it took two cycles at once, and too long
+/// global.record(150_000_000, 60_000_000, 2); // from two cycles at once, and late
 /// assert_eq!((global.models_built(), global.late(), global.shared()), (2, 1, 1));
 ///
 /// // The second model is 250 ticks old when a pass of 450 ticks ends.
@@ -64,7 +64,7 @@ impl GlobalTimes {
         self.shared += cycles.saturating_sub(1);
     }
 
-    /// Records how old models came into use and became in a pass of this many ticks.
+    /// Records the latency and the largest age of the models of a pass of this many ticks.
     pub fn record_ages(&mut self, times: &RecordedTimes, ticks: u64) {
         let mut from = 0;
         for arrival in &times.arrivals {
@@ -111,7 +111,7 @@ impl GlobalTimes {
     }
 }
 
-/// What comes to the global thread.
+/// A message to the global thread.
 pub(super) enum ToGlobal {
     /// The global side of a pass of this many ticks, before all its cycles.
     Side { pass: u32, side: Box<GlobalSide>, ticks: u64 },
@@ -119,7 +119,8 @@ pub(super) enum ToGlobal {
     Cycle(Box<PastCycle>),
 }
 
-/// Empties the ring until `done`, so that the path waits in memory of any size while the global side computes.
+/// Empties the ring into an unbounded queue until `done`, so that no part of the path is lost while the global side
+/// computes.
 pub(super) fn take_in(mut intake: Intake, queue: &Sender<ToGlobal>, idle: Duration, done: &AtomicBool) {
     loop {
         let is_done = done.load(Ordering::Acquire);
@@ -135,7 +136,7 @@ pub(super) fn take_in(mut intake: Intake, queue: &Sender<ToGlobal>, idle: Durati
     }
 }
 
-/// Builds models until `done`: one from all cycles of the newest pass that have come meanwhile.
+/// Builds models until `done`, each from all cycles of the newest pass that have arrived in the meantime.
 pub(super) fn build_models(
     queue: &Receiver<ToGlobal>,
     mut sender: ModelSender,

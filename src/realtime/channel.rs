@@ -1,6 +1,6 @@
 //! The channel between servo thread and global side: models one way, the patch's path the other. Neither side ever
-//! waits for the other: a model lies in one of three buffers, the path goes through a ring. A thread of its own empties the
-//! ring ([`Intake`]), so that a global side that computes for many cycles loses nothing of the path.
+//! waits for the other: a model lies in one of three buffers, and the path goes through a ring. A separate thread empties
+//! the ring ([`Intake`]), so that a global side that computes for many cycles loses nothing of the path.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -67,7 +67,7 @@ pub struct ServoEnd {
     lost: u64,
 }
 
-/// What the path of the patch needs of a channel.
+/// Settings of a channel, by which it makes room for the path of the patch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChannelSettings {
     /// Local tick h, s.
@@ -95,11 +95,12 @@ pub struct PastCycle {
     pub pass: u32,
     /// The tick at its end.
     pub boundary: u64,
-    /// What the global side needs of it.
+    /// What the global side needs of the cycle.
     pub message: CycleMessage,
 }
 
-/// Nodes of every model that may still be in use, with the pass and the boundary that it was built in and from.
+/// Nodes of every model that may still be in use, with the pass in which the model was built and the boundary from which it
+/// was.
 type NodesInUse = Arc<Mutex<VecDeque<(u32, u64, Vec<u32>)>>>;
 
 /// The end of the channel that receives the path.

@@ -1,4 +1,4 @@
-//! What of a scene's path and contact a run has been through: a verdict holds for nothing else.
+//! Coverage of a scene's path and contact by a run: a verdict holds for nothing else.
 
 use serde::Serialize;
 
@@ -9,7 +9,7 @@ use crate::multirate::timeline::DeadlineOutcome;
 use crate::output::summary::ModeTicks;
 use crate::pipeline::Simulation;
 
-/// Counts of what the servo side was exercised with. Skipped ticks compute nothing and do not count.
+/// Counts of what a run exercised on the servo side. Skipped ticks compute nothing and do not count.
 ///
 /// ```
 /// use stickslip::{pipeline::Simulation, realtime::exercise::Exercise, scene::Scene};
@@ -83,7 +83,7 @@ impl Exercise {
         self.models_built += other.models_built;
     }
 
-    /// Returns the counts with their names in sentences.
+    /// Returns the counts with their names, as sentences use them.
     pub fn named(&self) -> [(&'static str, u64); 8] {
         let ModeTicks { free, stick, slide, slip } = self.mode_ticks;
         [

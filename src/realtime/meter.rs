@@ -179,9 +179,10 @@ pub struct Meter {
     control_left_out: u64,
     run: u64,
     longest_run: u64,
-    /// Number of runs of ticks in time and of missed or skipped ones.
+    /// Number of runs of consecutive ticks that were all in time, or all missed or skipped.
     runs: u64,
-    /// Skipped ticks without a response so far: their number, and the first one's release after the window began, ns.
+    /// Skipped ticks without a response so far: their number, and the release of the first of them after the window began,
+    /// ns.
     unanswered: (u64, u64),
     misses: Vec<Miss>,
     blocks: Vec<Block>,
@@ -272,7 +273,7 @@ impl Meter {
         self.unanswered = (ticks + 1, if ticks == 0 { at_ns } else { first_ns });
     }
 
-    /// Ends the window after `at_ns`, when skipped ticks without a response have waited at least until then.
+    /// Ends the window `at_ns` after it began. Skipped ticks without a response have waited at least until then.
     pub fn end(&mut self, at_ns: u64) {
         self.answer(at_ns, 0);
     }
@@ -335,7 +336,7 @@ impl Meter {
         self.longest_run
     }
 
-    /// Returns the number of runs of ticks that were in time, and of ticks that were missed or skipped.
+    /// Returns the number of runs of consecutive ticks that were all in time, or all missed or skipped.
     pub fn runs(&self) -> u64 {
         self.runs
     }

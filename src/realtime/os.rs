@@ -103,7 +103,7 @@ pub fn policy() -> (&'static str, i32) {
 }
 
 /// Requests that sleeps of the calling thread end with the least delay, and returns the slack of its timers that it got,
-/// ns; `None` if the system has none. Threads under `SCHED_FIFO` have no slack whatever this says.
+/// ns; `None` if the system has none. Threads under `SCHED_FIFO` have no slack, whatever the value.
 ///
 /// ```
 /// use stickslip::realtime::os::least_timer_slack_ns;

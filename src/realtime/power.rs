@@ -1,4 +1,4 @@
-//! What the servo's CPU does when it has nothing to do: sleep states that it wakes from late, and its frequency.
+//! Power management of the servo's CPU: idle states, which take time to wake from, and its frequency.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Write};
@@ -6,10 +6,10 @@ use std::path::Path;
 
 use serde::Serialize;
 
-/// Where the largest latency of waking up can be read, and bounded for as long as it is kept open.
+/// File that states the largest allowed wake-up latency, and that bounds it for as long as it is kept open.
 const DMA_LATENCY: &str = "/dev/cpu_dma_latency";
 
-/// Settings of the servo's CPU in the window. What the system does not tell is `None`.
+/// Settings of the servo's CPU in the window. What the system does not report is `None`.
 ///
 /// ```
 /// use stickslip::realtime::power::CpuSettings;
@@ -24,11 +24,11 @@ const DMA_LATENCY: &str = "/dev/cpu_dma_latency";
 pub struct CpuSettings {
     /// Enabled idle states (C-states), each with the latency of waking from it.
     pub idle_states: Option<Vec<String>>,
-    /// Largest latency of waking from an idle state that is allowed, µs.
+    /// Largest allowed latency of waking from an idle state, µs.
     pub dma_latency_us: Option<i32>,
     /// Whether `/dev/cpu_dma_latency` was held open at 0 µs for the window.
     pub is_dma_latency_held: bool,
-    /// CPUs that share the core, itself included.
+    /// CPUs that share the core, including this one.
     pub smt_siblings: Option<String>,
     /// Slack of the thread's timers, ns.
     pub timer_slack_ns: Option<u64>,
@@ -67,10 +67,10 @@ pub fn frequency_khz(cpu: usize) -> Option<u64> {
     read(Path::new(&format!("/sys/devices/system/cpu/cpu{cpu}/cpufreq/scaling_cur_freq")))?.parse().ok()
 }
 
-/// Keeps all CPUs from idle states that they wake from late, for as long as the file is open.
+/// Keeps all CPUs out of idle states with a wake-up latency, for as long as the returned file is open.
 ///
 /// # Errors
-/// If the system has no such file, or the process has no right to it.
+/// If the system has no such file, or the process may not write it.
 pub fn hold_dma_latency() -> io::Result<File> {
     let mut file = OpenOptions::new().write(true).open(DMA_LATENCY)?;
     file.write_all(&0_i32.to_ne_bytes())?;

@@ -34,9 +34,9 @@ pub struct Quantiles {
     pub p90: u64,
     /// 99 % quantile, ns.
     pub p99: u64,
-    /// 99.9 % quantile, ns; absent for less than 1000 times, of which none lies beyond it.
+    /// 99.9 % quantile, ns; absent for fewer than 1000 times, of which none lies beyond it.
     pub p999: Option<u64>,
-    /// 99.99 % quantile, ns; absent for less than 10,000 times.
+    /// 99.99 % quantile, ns; absent for fewer than 10,000 times.
     pub p9999: Option<u64>,
     /// Exact maximum, ns; quantiles have three digits.
     pub max: u64,

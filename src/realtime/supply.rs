@@ -13,7 +13,7 @@ use super::exercise::Exercise;
 use super::threads::Pass;
 use crate::session::RecordedPass;
 
-/// Number of passes that wait to be taken back at most.
+/// Largest number of finished passes that wait to be taken back.
 const TAKEN_BACK: usize = 8;
 
 /// The servo thread's end.
@@ -37,11 +37,11 @@ pub(super) enum Next {
     Pass,
     /// The next pass is not prepared yet.
     NotYet,
-    /// There is none.
+    /// There is no further pass.
     End,
 }
 
-/// Passes that are over.
+/// Finished passes.
 #[derive(Debug, Default)]
 pub(super) struct Over {
     pub passes: Vec<RecordedPass>,
@@ -71,7 +71,7 @@ pub(super) fn supply() -> (Upcoming, Preparer) {
 impl Upcoming {
     /// Exchanges a pass that is over for the next one. Allocates nothing, frees nothing.
     pub fn exchange(&mut self, pass: &mut Pass) -> Next {
-        // Read first: a pass that was prepared before it was set is seen after it.
+        // The flag is read first, so that a pass that was prepared before the flag was set is still seen.
         let is_exhausted = self.is_exhausted.load(Ordering::Acquire);
         if self.over.is_full() {
             return Next::NotYet;
@@ -123,7 +123,7 @@ impl Preparer {
 /// Sends a pass's global side ahead of its cycles.
 pub(super) fn send_side(number: u32, pass: &mut Pass, to_global: &Sender<ToGlobal>) {
     if let Some(side) = pass.take_global() {
-        // Where nobody receives it, the loop is ending.
+        // If the receiver is gone, the loop is ending.
         let _ = to_global.send(ToGlobal::Side { pass: number, side: Box::new(side), ticks: pass.ticks() });
     }
 }

@@ -50,7 +50,7 @@ pub struct Pass {
     tapes: bool,
     /// Checksum of all commanded forces, in order.
     pub checksum: Checksum,
-    /// What the pass has been through.
+    /// What the pass exercised.
     pub exercise: Exercise,
     /// The fault that ended the pass, if one did.
     pub fault: Option<Fault>,
@@ -126,8 +126,8 @@ impl Pass {
     }
 }
 
-/// Returns an empty list with memory for so many values that is in place already: the first write to new memory is a page
-/// fault. `filling` is not zero, as the system hands out zeros without memory behind them.
+/// Returns an empty list whose memory for this many values is already mapped, since the first write to new memory is a
+/// page fault. `filling` must not be zero: the system hands out zeros without memory behind them.
 fn touched<T: Clone>(filling: T, length: u64) -> Vec<T> {
     let mut list = vec![filling; length as usize];
     list.clear();
@@ -197,7 +197,7 @@ pub struct Window {
     pub involuntary_switches: u64,
     /// Number of notes that did not fit into the ring.
     pub lost_notes: u64,
-    /// Number of releases that passed between two passes because the second was not prepared yet.
+    /// Number of releases that passed between two passes because the second one was not prepared yet.
     pub idle_releases: u64,
     /// Time at which the window began, on `CLOCK_MONOTONIC`, ns.
     pub begin_ns: u64,
@@ -214,7 +214,7 @@ pub struct Served {
     pub meter: Meter,
     /// Time measurements of the global side; `None` without cycles.
     pub global: Option<GlobalTimes>,
-    /// What all passes have been through.
+    /// What all passes exercised.
     pub exercise: Exercise,
     /// Counters of the servo thread.
     pub window: Window,
@@ -310,7 +310,8 @@ pub fn serve(
         let done = &done;
         let builder = scope.spawn(move || build_models(&from_all, sender, done, global));
         let intake = scope.spawn(move || {
-            // It only copies, and must not wait for ordinary threads; where this is refused, the ring covers half a second.
+            // This thread only copies, and must not wait for ordinary threads. Where its priority is refused, the ring
+            // covers half a second.
             let _ = os::request_fifo(INTAKE_PRIORITY);
             take_in(intake, &from_ring, idle, done);
         });

@@ -1,4 +1,4 @@
-//! What a scene's text says apart from its layout, and the files that it names.
+//! Contents of a scene's text apart from its layout, and the files that the scene names.
 
 use std::path::{Path, PathBuf};
 
@@ -9,12 +9,12 @@ use super::Scene;
 /// Keys whose values are paths of files, relative to the scene's folder.
 const FILES: [[&str; 2]; 2] = [["mesh", "path"], ["instrument", "file"]];
 
-/// Largest whole number up to which every whole number is a float.
+/// Magnitude up to which every whole number is exactly a float.
 const WHOLE: f64 = 9_007_199_254_740_992.0;
 
 impl Scene {
-    /// Returns the scene's settings in one form: without comments, in the order of their keys, and with numbers as they
-    /// are read. A scene that was built in Rust has no text, so its `Debug` output stands for it.
+    /// Returns the scene's settings in a canonical form: without comments, in the order of their keys, and with numbers as
+    /// they are read. A scene that was built in Rust has no text, so its `Debug` output stands for it.
     pub(crate) fn meaning(&self) -> String {
         match self.table() {
             Some(table) => write_table(&table),

@@ -23,8 +23,9 @@ const BYTES_PER_TICK: u128 = 128;
 /// pages around a node's neighbours are ever touched.
 const BYTES_PER_PATCH_NODE: u128 = 28 << 10;
 
-/// Bytes of a factor: so many per point to a power, which depends on the order of elimination. Measured on blocks of 600 to 20,000
-/// nodes, matrix and pattern included, within a factor of 1.2 (`benches/memory.py`).
+/// Bytes of a factor: a coefficient times a power of the number of points, both of which depend on the order of
+/// elimination. On blocks of 600 to 20,000 nodes the measured bytes, with matrix and pattern, are within a factor of 1.2
+/// (`benches/memory.py`).
 struct Factor {
     bytes: f64,
     power: f64,
@@ -112,12 +113,12 @@ pub(super) fn mesh_fits(mesh: &MeshSource, run: Run) -> Result<(), Problem> {
     Size::of(mesh, |size| fits(key, size, run))
 }
 
-/// What counts of a matrix that is stored as if it were dense.
+/// Which part counts of a matrix that is stored as if it were dense.
 #[derive(Clone, Copy, PartialEq)]
 enum Counted {
-    /// The pages that are ever touched.
+    /// Only the pages that are ever touched.
     Touched,
-    /// All of it, which the system has to grant.
+    /// The whole matrix, which the system has to grant.
     Allocated,
 }
 
@@ -191,8 +192,8 @@ pub(super) fn fits(key: &'static str, size: &Size, run: Run) -> Result<(), Probl
     })
 }
 
-/// Returns the available memory, bytes: what is free on the machine, and at most what the process's control group and its limit of
-/// address space leave. A build without the feature `files` does not look, and takes every scene.
+/// Returns the available memory, bytes: what is free on the machine, limited by what the process's control group and its
+/// address-space limit leave. A build without the feature `files` does not look, and accepts every scene.
 #[cfg(feature = "files")]
 pub(super) fn available_memory() -> u64 {
     let mut system = sysinfo::System::new();
@@ -202,7 +203,7 @@ pub(super) fn available_memory() -> u64 {
     free.min(of_group).min(address_space())
 }
 
-/// Returns the bytes that the limit of address space leaves.
+/// Returns the bytes that the address-space limit leaves.
 #[cfg(all(feature = "files", unix))]
 fn address_space() -> u64 {
     rlimit::Resource::AS.get_soft().unwrap_or(rlimit::INFINITY)
@@ -220,7 +221,7 @@ pub(super) fn available_memory() -> u64 {
 
 /// Returns the number of a block's nodes within some springs of one in the middle of its top.
 fn surface_neighbourhood(block: &Block, rings: u32) -> u128 {
-    /// Rings up to which nodes are counted one by one; beyond, those of a box around them count.
+    /// Largest number of rings whose nodes are counted one by one; for more, the nodes of a box around them are counted.
     const COUNTED: u32 = 40;
     let all = block.nodes.iter().fold(1_u128, |product, &count| product.saturating_mul(count as u128));
     if rings > COUNTED {
@@ -239,7 +240,7 @@ fn surface_neighbourhood(block: &Block, rings: u32) -> u128 {
     };
     let mut nodes = 0;
     for (z, y, x) in (0..=depth).flat_map(|z| (0..=y_side).flat_map(move |y| (0..=x_side).map(move |x| (z, y, x)))) {
-        // Both signs of what is not zero.
+        // A component that is not zero has two signs.
         let places = [x, y].iter().map(|&offset| if offset > 0 { 2 } else { 1 }).product::<u128>();
         nodes += if is_near(x, y, z) { places } else { 0 };
     }

@@ -109,7 +109,7 @@ impl From<FileMesh> for MeshSource {
     }
 }
 
-/// Returns what was changed in a file's cells.
+/// Returns warnings about what was changed in the cells of a file.
 fn changes(changes: &Changes) -> impl Iterator<Item = Warning> {
     let &Changes { by_corners, cut, repeated, turned, split, unused_nodes } = changes;
     let texts = [
@@ -119,7 +119,7 @@ fn changes(changes: &Changes) -> impl Iterator<Item = Warning> {
             "cells of the mesh's file are of second or higher order: only their corners are used",
         ),
         ("mesh-cut", cut, "cells of the mesh's file are cut into tetrahedra or triangles"),
-        ("mesh-repeated", repeated, "elements of the mesh's file repeat others, and count once"),
+        ("mesh-repeated", repeated, "elements of the mesh's file repeat others and count once"),
         (
             "mesh-turned",
             turned,

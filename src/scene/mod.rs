@@ -49,8 +49,8 @@ const DEFAULT_LOCAL_RATE_HZ: f64 = 1000.0;
 /// Default of `global.rate`, Hz.
 const DEFAULT_GLOBAL_RATE_HZ: f64 = 10.0;
 
-/// Contact force that ends a run, over the largest force of the device: a thousand newtons are beyond any force of a haptic
-/// scene, and far below what a diverging one commands.
+/// Contact force that ends a run, as a multiple of the device's largest force: 850 N for a PHANTOM 1.5 is beyond any force
+/// of a haptic scene, and far below what a diverging scene commands.
 const FORCE_MARGIN: f64 = 100.0;
 
 /// A scene. Independent settings are public fields; derived quantities are methods, so that no two values can

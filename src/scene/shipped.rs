@@ -16,7 +16,7 @@ pub struct Shipped {
 pub enum Expectation {
     /// The run completes its duration.
     Completes {
-        /// Bound on the energy residual, as a share of the instrument's work Σ|f·Δq|: a tenth above what was measured.
+        /// Bound on the energy residual, as a share of the instrument's work Σ|f·Δq|: a tenth above the measured one.
         energy_residual: f64,
     },
     /// The run ends with a fault: an extreme that shows the fail-safe at work.

@@ -1,4 +1,4 @@
-//! Warnings: what is accepted, and may be unintended.
+//! Warnings about settings that are accepted but may be unintended.
 
 use std::fmt;
 
@@ -8,7 +8,7 @@ use super::Scene;
 
 /// Speed of a tip, m/s, that no hand reaches.
 const LARGEST_SPEED_M_PER_S: f64 = 50.0;
-/// Share of the run that a recording has to cover for no warning.
+/// Share of the run that a recording has to cover; below it there is a warning.
 const LEAST_COVERED: f64 = 0.99;
 
 /// A warning, with a code for programs.
@@ -16,7 +16,7 @@ const LEAST_COVERED: f64 = 0.99;
 pub struct Warning {
     /// Kind of the warning; it does not change between versions.
     pub code: &'static str,
-    /// The finding with its numbers, and a way out.
+    /// The finding with its numbers, and a remedy.
     pub message: String,
 }
 

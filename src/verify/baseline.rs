@@ -87,8 +87,8 @@ pub struct Baseline {
     pub provenance: Provenance,
     /// Acceptances, oldest first.
     pub accepted: Vec<Acceptance>,
-    /// Tolerances of quantities that need another one than [`SCALED_TOLERANCE`](super::compare::SCALED_TOLERANCE), by the
-    /// names of [`Comparison`](super::compare::Comparison), relative to the quantity's size.
+    /// Tolerances of quantities that need another one than [`SCALED_TOLERANCE`](super::compare::SCALED_TOLERANCE), relative
+    /// to the quantity's size. The keys are the names of [`Comparison`](super::compare::Comparison).
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub tolerances: BTreeMap<String, f64>,
     /// The accepted results.

@@ -1,10 +1,12 @@
-//! Stiffness of a virtual wall up to which the modelled device does not buzz in the hand, over the rate of the servo loop.
+//! Largest stiffness of a virtual wall at which the modelled device does not buzz in the hand, over the rate of the servo
+//! loop.
 //!
-//! S. Choi, H. Z. Tan, *Effect of update rate on perceived instability of virtual haptic texture*, IEEE/RSJ International
-//! Conference on Intelligent Robots and Systems 2004, found on a PHANTOM that the largest stiffness whose rendering people
-//! perceive as clean rises from 0.33 to 0.90 N/mm between 250 Hz and 40 kHz. What a person perceives is taken here to be
-//! the tip's motion above 50 Hz while the hand presses on into the wall: encoder counts that pass by and the loop's delay
-//! excite the device and the hand. A hand at rest does not show it, as the device's friction holds the tip between counts.
+//! S. Choi, H. Z. Tan, *Effect of update rate on perceived instability of virtual haptic texture*, IEEE/RSJ
+//! International Conference on Intelligent Robots and Systems 2004, found on a PHANTOM that the largest stiffness that
+//! people perceive as clean rises from 0.33 N/mm at 250 Hz to 0.90 N/mm at 40 kHz. The measure of perceived buzz is
+//! here the tip's motion above 50 Hz while the hand keeps pressing into the wall: the quantisation by the encoders and
+//! the loop's delay excite the device and the hand. A hand at rest does not show this buzz, because the device's
+//! friction holds the tip between two encoder counts.
 
 use super::residual::larger;
 use super::z_width::{VirtualWall, ZWidthError, path, stiffest};
@@ -25,8 +27,9 @@ const SETTLED: f64 = 0.6;
 /// End of the observation, s.
 const END: f64 = 0.8;
 
-/// Returns the largest motion of the true tip above [`BUZZ_HZ`] in a wall without damping, of this stiffness, N/m, with
-/// the loop at a rate, Hz: m; infinite if the device left its workspace. The device takes as many substeps as it needs.
+/// Returns the largest motion of the true tip above [`BUZZ_HZ`], m, in a wall without damping of the given stiffness,
+/// N/m, with the loop at the given rate, Hz. The result is infinite if the device left its workspace. The device takes
+/// as many substeps as it needs.
 ///
 /// # Errors
 /// If the device cannot be simulated.
@@ -61,8 +64,8 @@ pub fn buzz_m(settings: &PhantomSettings, rate: f64, stiffness: f64) -> Result<f
     Ok(largest)
 }
 
-/// Returns the stiffest wall, N/m, up to which none buzzes perceptibly, with the loop at a rate, Hz; `None` if not even
-/// the stiffest does.
+/// Returns the largest stiffness, N/m, up to which no wall buzzes perceptibly with the loop at the given rate, Hz;
+/// `None` if not even the stiffest wall does.
 ///
 /// # Errors
 /// If the device cannot be simulated.
@@ -70,7 +73,7 @@ pub fn stiffest_clean_n_per_m(settings: &PhantomSettings, rate: f64) -> Result<O
     stiffest(|stiffness| Ok(buzz_m(settings, rate, stiffness)? <= PERCEIVED_M))
 }
 
-/// Two high-pass filters of first order in a row.
+/// Two first-order high-pass filters in series.
 struct HighPass {
     share: f64,
     slow: [Vec3; 2],

@@ -76,7 +76,7 @@ impl Comparison {
         self
     }
 
-    /// Returns whether the quantity is a number, which can have a tolerance.
+    /// Returns whether the quantity is a number, and so can have a tolerance.
     pub fn is_numeric(&self) -> bool {
         self.baseline.is_number() || self.now.is_number()
     }

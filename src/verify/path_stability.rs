@@ -1,9 +1,10 @@
-//! Stability of a scene's local models along its path: of every model that a run uses, the stability-limit time step and the
-//! growth of its fastest-growing mode.
+//! Stability of a scene's local models along its path: the stability-limit time step of every model that a run uses, and
+//! the growth of its fastest-growing mode.
 //!
-//! A cycle of a local model is a linear map of small displacements and velocities, the power of its free tick, with the contact
-//! point held in the directions in which the contact holds it. Its eigenvalue of the largest magnitude, by Arnoldi's method, is the
-//! factor by which a perturbation grows until the next model comes; a factor above 1 is a model that diverges if it is kept.
+//! A cycle of a local model is a linear map of small displacements and velocities. The map is a power of that of its free
+//! tick, with the contact point held in the directions in which the contact holds it. Its eigenvalue of the largest
+//! magnitude, by Arnoldi's method, is the factor by which a perturbation grows until the next model arrives. A model with a
+//! factor above 1 diverges if it is kept.
 
 use nalgebra::{DMatrix, DVector, Schur};
 use serde::Serialize;
@@ -21,14 +22,14 @@ use crate::pipeline::Simulation;
 use crate::scene::{Scene, SceneError};
 use crate::surface::support::{Metric, Support};
 
-/// Dimension of the Krylov space, and of a smaller one that has to agree.
+/// Dimensions of the two Krylov spaces, whose eigenvalues have to agree.
 const KRYLOV: [usize; 2] = [16, 24];
-/// Largest number of ticks of a cycle that are taken; longer cycles are extrapolated.
+/// Largest number of ticks over which the growth is computed; in longer cycles it is extrapolated.
 const MOST_TICKS: u32 = 200;
-/// Displacement of a node in a difference of two ticks, over the mesh's spacing: far above rounding, and far below a
-/// length over which springs turn.
+/// Largest displacement of a node in the difference of two ticks, as a share of the mesh's spacing: far above rounding, and
+/// far below a length over which springs turn.
 const PERTURBATION: f64 = 1e-6;
-/// Relative agreement of the two Krylov spaces, below which the growth is not known.
+/// Relative difference between the two Krylov spaces above which the growth is not known.
 const SETTLED: f64 = 0.05;
 /// Growth within a cycle above which a model counts as unstable: rounding leaves a millionth of an undamped mode's 1.
 const GROWS: f64 = 1.01;
@@ -47,7 +48,7 @@ pub struct ModelStability {
     pub growth_per_cycle: f64,
     /// Growth rate of that mode, 1/s; negative if it decays.
     pub growth_rate_per_s: f64,
-    /// Whether two Krylov spaces agree on it.
+    /// Whether the two Krylov spaces agree on the growth.
     pub settled: bool,
 }
 
@@ -62,7 +63,7 @@ impl ModelStability {
 pub struct PathStability {
     /// Verdict on the path.
     pub verdict: Verdict,
-    /// The finding, its number, and what would help.
+    /// The finding with its numbers, and what would help.
     pub reason: String,
     /// Local tick, s.
     pub step_s: f64,
@@ -71,7 +72,8 @@ pub struct PathStability {
 }
 
 impl PathStability {
-    /// Runs a scene and looks at every model that it uses; of the whole network at the haptic rate, at its state once a cycle.
+    /// Runs a scene and analyses every local model that it uses. The whole network at the haptic rate is analysed at its
+    /// state once a cycle.
     ///
     /// # Errors
     /// If the scene cannot start.
@@ -83,7 +85,7 @@ impl PathStability {
     /// let scene = Scene::shipped("fig5-stick-slip").expect("shipped with the program").with_ticks(400);
     /// let stable = PathStability::of(&scene, &mut |_| ())?;
     /// assert_eq!((stable.models.len(), stable.verdict), (4, Verdict::Pass));
-    /// // Springs ten times as stiff need shorter ticks.
+    /// // Springs a hundred times as stiff need shorter ticks.
     /// let mut stiff = scene.clone();
     /// stiff.material.stiffness *= 100.0;
     /// stiff.material.damping *= 100.0;
@@ -122,9 +124,11 @@ fn judge(scene: &Scene, summary: &Summary, models: &[ModelStability]) -> (Verdic
     let turning = models.iter().find(|model| model.is_unstable());
     if let Some(fault) = &summary.fault {
         let turned = turning.map_or_else(
-            || "no model of it grows by itself: contact and hand-overs excite each other; give a higher `global.rate` or \
+            || {
+                "no model grows by itself: contact and hand-overs excite each other; give a higher `global.rate` or \
                 `contact.scheme = \"massless\"`"
-                .to_owned(),
+                    .to_owned()
+            },
             |model| {
                 let (factor, help) = (model.growth_per_cycle, help(scene, model));
                 format!("the model from {} on grows by a factor of {factor:.2e} within a cycle: {help}", at(model))
@@ -179,13 +183,13 @@ fn help(scene: &Scene, model: &ModelStability) -> String {
             1e3 * limit,
             1e3 * scene.tick_s()
         ),
-        _ => "its steps are short enough, its stiffness is indefinite: give `local.tangent = \"stabilised\"`, \
+        _ => "its steps are short enough, but its stiffness is indefinite: give `local.tangent = \"stabilised\"`, \
               `local.linearization = \"none\"`, a higher `global.rate` or a smaller drag"
             .to_owned(),
     }
 }
 
-/// Looks at the model in use after its first tick.
+/// Analyses the model in use after its first tick.
 fn look(scene: &Scene, local: &LocalSimulation, report: &TickReport, tick: u64) -> ModelStability {
     let model = local.model();
     let mut inverse_mass = model.patch.inverse_mass.clone();
@@ -193,7 +197,7 @@ fn look(scene: &Scene, local: &LocalSimulation, report: &TickReport, tick: u64) 
     let limit = explicit_step_limit(&model.patch.springs, &local.state().x, &inverse_mass, scene.material.drag);
     let ticks = scene.ticks_per_cycle().min(MOST_TICKS);
     let [early, late] = TickMap::new(scene, local, report).largest_growth(ticks);
-    // Decay by whatever factor is decay.
+    // A strongly damped model decays in either space, so its exact factor need not agree.
     let settled = (early.max(0.5) / late.max(0.5) - 1.0).abs() <= SETTLED;
     let growth_rate_per_s = late.ln() / (f64::from(ticks) * scene.tick_s());
     let growth_per_cycle = (growth_rate_per_s / scene.global_rate_hz()).exp();
@@ -218,7 +222,7 @@ enum Held {
 struct TickMap<'a> {
     model: &'a LocalModel,
     state: &'a LocalState,
-    /// Displacement of a difference, m.
+    /// Largest displacement in a difference of two ticks, m.
     step_m: f64,
     tick_s: f64,
     held: Held,
@@ -256,7 +260,7 @@ impl<'a> TickMap<'a> {
         }
     }
 
-    /// Does a free tick from a perturbed state.
+    /// Returns the displacements and velocities after a free tick from a perturbed state.
     fn free_tick(&self, x: &[Vec3], v: &[Vec3], factor: f64) -> (Vec<Vec3>, Vec<Vec3>) {
         let n = self.nodes();
         let mut state = self.state.clone();
@@ -276,8 +280,8 @@ impl<'a> TickMap<'a> {
         (state.x[..n].to_vec(), state.v[..n].to_vec())
     }
 
-    /// Applies the map to displacements, m, and velocities, m/s, of any size: by a central difference of two ticks, which is exact
-    /// for a linear model.
+    /// Applies the map to displacements, m, and velocities, m/s, of any size, by a central difference of two ticks, which
+    /// is exact for a linear model.
     fn apply(&self, x: &mut [Vec3], v: &mut [Vec3]) {
         self.project(x);
         self.project(v);
@@ -323,7 +327,7 @@ impl<'a> TickMap<'a> {
             seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             (seed >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
         };
-        // One cycle leaves what the contact holds, and what decays at once, out of the first vector.
+        // One tick removes from the first vector what the contact holds and what decays at once.
         let mut start = self.cycle(&DVector::from_fn(size, |_, _| noise()), 1);
         let norm = start.norm();
         if !(norm > 0.0) {

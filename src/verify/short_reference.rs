@@ -1,4 +1,4 @@
-//! The force of a run compared with that of the whole network at the haptic rate, as far as that is affordable.
+//! Force of a run compared with that of the whole network at the haptic rate, as far as that is affordable.
 
 use serde::Serialize;
 
@@ -10,8 +10,8 @@ use crate::pipeline::{Lockstep, Simulation};
 use crate::scene::Scene;
 use crate::verify::surfaces::whole;
 
-/// Largest number of springs that the reference evaluates, some seconds of one core: a scene of 2,000 springs and 1,200 ticks takes
-/// a hundredth of it.
+/// Largest number of springs that the reference evaluates over all ticks: some seconds of one core. A scene of 2,000
+/// springs and 1,200 ticks evaluates less than a hundredth of it.
 const AFFORDABLE: u64 = 400_000_000;
 /// Least number of ticks in contact for a comparison.
 const LEAST_CONTACT_TICKS: usize = 20;
@@ -20,7 +20,7 @@ const LEAST_CONTACT_TICKS: usize = 20;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ShortReference {
-    /// There was a comparison.
+    /// The forces were compared.
     Compared {
         /// Number of ticks compared.
         ticks: u64,
@@ -66,7 +66,7 @@ impl ShortReference {
         let touches = own.iter().filter(|sample| sample.mode != Mode::Free).count();
         if touches < LEAST_CONTACT_TICKS {
             return Self::None(format!(
-                "the first {ticks} ticks, which the whole network of {springs} springs can be run for, have {touches} in contact"
+                "the whole network of {springs} springs can be run for {ticks} ticks, of which only {touches} are in contact"
             ));
         }
         let step = TimeSteps::where_in_doubt(&reference, &simulation).local;
@@ -86,7 +86,7 @@ impl ShortReference {
             }
         }
         if !(square > 0.0) {
-            return none("the whole network feels no force");
+            return none("the whole network exerts no force");
         }
         Self::Compared { ticks, force_error_rms_rel: (difference / square).sqrt() }
     }

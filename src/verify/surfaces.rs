@@ -105,8 +105,8 @@ pub fn grid(refinement: usize) -> Vec<Combination> {
     grid
 }
 
-/// Returns the drag with the whole network at the haptic rate, over another surface with another scheme, and without a limit of the
-/// contact force.
+/// Returns the drag with the whole network at the haptic rate, over another surface, with another scheme, and without a
+/// limit of the contact force.
 ///
 /// ```
 /// use stickslip::{contact::rules::Scheme, surface::geometry::ContactSurface};
@@ -120,7 +120,7 @@ pub fn grid(refinement: usize) -> Vec<Combination> {
 /// ```
 pub fn whole(scene: &Scene, surface: ContactSurface, scheme: Scheme) -> Scene {
     let mut whole = scene.clone().with_full_model().with_surface(surface).with_scheme(scheme);
-    // It drives no device, and the velocity scheme's impacts grow as 1/h.
+    // The reference drives no device, and the impacts of the velocity scheme grow as 1/h.
     whole.force_limit_n = f64::MAX;
     whole
 }

@@ -4,22 +4,21 @@
 use mujoco_rs::prelude::*;
 use stickslip::contact::law::{Friction, Law, Mode};
 use stickslip::contact::rules::Scheme;
-use stickslip::device::coupled::CoupledSettings;
 use stickslip::device::instrument::InstrumentKind;
 use stickslip::pipeline::{self, Simulation};
 use stickslip::surface::geometry::ContactSurface;
 use stickslip::{Scene, TipPath, Vec3, Waypoint};
 use stickslip_mujoco::residual::{check, note};
 
-/// μ_s, of both.
+/// Static friction coefficient μ_s in both simulations.
 const FRICTION: f64 = 0.5;
-/// F_N, N.
+/// Normal force F_N, N.
 const NORMAL_FORCE: f64 = 0.7;
-/// F_T over μ_s F_N.
+/// Tangential force F_T over μ_s F_N.
 const SHARE: f64 = 0.9;
-/// From here on motion counts as creep, s.
+/// Time from which motion counts as creep, s.
 const SETTLED: f64 = 2.0;
-/// s.
+/// End of the observation, s.
 const END: f64 = 3.0;
 
 /// Speed, m/s, of a block on a plane under gravity that pulls it down and aside. The cone is elliptic; MuJoCo divides the

@@ -28,7 +28,8 @@ DEFAULTS = {
                 "radius": 0.0, "adhesion": 0.0, "deformation": "rigid", "metric": "euclidean", "wall_stiffness": 1000.0,
                 "wall_damping": 0.0},
     "instrument": {"kind": "path", "waypoints": OPTIONAL, "file": OPTIONAL, "columns": OPTIONAL, "scale": OPTIONAL,
-                   "start": OPTIONAL, "filter_hz": OPTIONAL, "interpolation": "linear", "force_limit": OPTIONAL, "smoothing_ticks": 0, "passivity_control": False, "device": OPTIONAL, "hand": OPTIONAL, "coupling": OPTIONAL},
+                   "start": OPTIONAL, "filter_hz": OPTIONAL, "interpolation": "linear", "force_limit": OPTIONAL,
+                   "smoothing_ticks": 0, "passivity_control": False, "device": OPTIONAL, "hand": OPTIONAL, "coupling": OPTIONAL},
     "sync": {"mode": "replay", "latency_ticks": 0},
     "run": {"schedule": "lockstep"},
 }
@@ -268,7 +269,7 @@ def check_instrument(instrument, default_tip):
 
 
 def force_limit(instrument):
-    """The contact force that ends a run, N: a hundred times what the device can give, or its own for a path."""
+    """The contact force that ends a run, N: a hundred times the device's largest force, or the limit of a path."""
     if instrument.kind == "phantom-1.5":
         return 100.0 * instrument["device"].largest_force
     limit = 100.0 * PHANTOM["device"]["largest_force"][0] if instrument.force_limit is OPTIONAL else instrument.force_limit

@@ -35,7 +35,7 @@ use crate::verify::lateness::consequences;
 
 /// Interval between two readings of the time taken by the hypervisor.
 const WATCH: Duration = Duration::from_millis(20);
-/// Largest number of passes in a window. One is prepared ahead; of those that are over, the arrivals of models are kept.
+/// Largest number of passes in a window: for every finished pass, the arrival times of its models are kept.
 const MOST_PASSES: u64 = 10_000;
 
 #[derive(Debug, Args)]
@@ -149,7 +149,8 @@ fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette
     let stop = interrupt::flag();
     let ticks = (duration_s / scene.tick_s()).round().max(1.0) as u64;
     let warm_up = Simulation::prepare(scene)?;
-    // The scene was prepared once already: where it cannot be prepared again, as without memory, the window ends.
+    // The warm-up has prepared this scene already. If a later preparation fails, for example for lack of memory, the
+    // window ends.
     let passes = pass_lengths(ticks, scene.tick_count())
         .map_while(|ticks| Some(Pass::new(Simulation::prepare(scene).ok()?, ticks, false)));
     let settings = loop_settings(scene, &warm_up, true);
@@ -205,7 +206,7 @@ fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette
     Ok((certificate, figures))
 }
 
-/// Returns the numbers of ticks of passes over a path, so many in all.
+/// Returns the length of each pass, in ticks: whole paths, and a last pass with the remainder of `ticks`.
 fn pass_lengths(ticks: u64, path_ticks: u64) -> impl Iterator<Item = u64> {
     (0..ticks.div_ceil(path_ticks)).map(move |pass| (ticks - pass * path_ticks).min(path_ticks))
 }
@@ -257,7 +258,8 @@ fn session(scene: &Scene, served: &mut Served) -> Session {
     session
 }
 
-/// Returns whether every recorded pass replays to the same forces, and the times of the first one's ticks, ns.
+/// Returns whether every recorded pass replays to the same forces, and the quantiles of the tick times of the first pass,
+/// ns.
 fn replays(session: &Session, scene: &Scene) -> Result<(bool, Quantiles), SceneError> {
     let (mut same, mut idle) = (true, Times::new());
     for (number, pass) in session.passes.iter().enumerate() {

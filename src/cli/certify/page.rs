@@ -142,7 +142,7 @@ pub fn markdown(certificate: &Certificate) -> String {
     ));
     say("## Coverage\n".to_owned());
     say(format!(
-        "The longest pass covered {:.1} % of the scene's path. The verdicts hold for what the window went through.\n",
+        "The longest pass covered {:.1} % of the scene's path. The verdicts hold only for what the window covered.\n",
         100.0 * coverage.path_share
     ));
     say("| | in the window | in one run in lockstep |\n|---|---|---|".to_owned());
@@ -167,7 +167,7 @@ pub fn markdown(certificate: &Certificate) -> String {
     for row in times(certificate) {
         say(format!("| {} |", row.join(" | ")));
     }
-    say("\nQuantiles have three significant digits and are given where there are enough times for one to lie beyond; the \
+    say("\nQuantiles have three significant digits and are given only where at least one time can lie beyond; the \
          longest times and all counts are exact. A skipped tick's response is that of the next command.\n"
         .to_owned());
     say("![response over time](response.svg)\n".to_owned());
@@ -311,7 +311,7 @@ fn rate_sentences(rate: &MissRate) -> Vec<String> {
     ];
     let IndependenceTests { ticks, blocks, responses } = &rate.independence;
     let tests = [
-        ("missed ticks", ticks, "the bound for ticks is too low: rely on that for blocks"),
+        ("missed ticks", ticks, "the bound for ticks is too low: rely on the bound for blocks"),
         ("blocks with a miss", blocks, "both bounds are too low: find the cause of the cluster, or measure for longer"),
         ("longest responses of blocks", responses, "the machine changes over minutes: measure for longer"),
     ];

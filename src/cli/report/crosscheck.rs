@@ -51,7 +51,7 @@ pub fn read() -> Result<CrossCheck, String> {
 
 pub fn verdict(found: &Result<CrossCheck, String>) -> Verdict {
     let (outcome, reason) = match found {
-        // What failed decides, whatever the file says of itself.
+        // The list of failures decides, whatever verdict the file states.
         Ok(CrossCheck { passed, failed, date, .. }) if !passed || !failed.is_empty() => {
             let what = if failed.is_empty() { "the file does not list what".to_owned() } else { failed.join(", ") };
             (VerdictStatus::Fail, format!("failed on {date}: {what}"))

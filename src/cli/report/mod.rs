@@ -168,7 +168,7 @@ fn checked(scenes: &[PathBuf]) -> miette::Result<Vec<(Scene, Option<Expectation>
         if OWN_FILES.contains(&scene.name.as_str()) {
             return Err(miette::miette!(
                 help = "give the scene another `name`",
-                "a scene is named {:?}, which is a file of the report itself",
+                "a scene is named {:?}, which is the name of a file of the report",
                 scene.name
             ));
         }
@@ -235,7 +235,7 @@ fn stability_verdict(file: &StabilityFile) -> Verdict {
     Verdict { what: "stability".to_owned(), outcome, reason, decides: true, section: "stability" }
 }
 
-/// Makes a short certificate with its two verdicts on this machine. If it fails, the rest of the report still stands.
+/// Makes a short certificate with its verdicts on this machine. If it fails, the rest of the report still stands.
 #[cfg(all(feature = "realtime", target_os = "linux"))]
 fn certificate(verdicts: &mut Vec<Verdict>, out: &Path) -> miette::Result<(Option<serde_json::Value>, Markup)> {
     use miette::IntoDiagnostic;

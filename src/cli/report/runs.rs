@@ -28,9 +28,9 @@ pub struct Reported {
 /// A run in `report.json`.
 #[derive(Serialize)]
 pub struct RunEntry<'a> {
-    /// Verdict on the run, with its reference and its stated expectation.
+    /// Verdict on the run, judged with its reference and its stated expectation.
     verdict: &'a RunVerdict,
-    /// Whether a shipped scene ended as is stated of it; absent without such a statement.
+    /// Whether a shipped scene met its stated expectation; absent for other scenes.
     #[serde(skip_serializing_if = "Option::is_none")]
     as_expected: Option<bool>,
     reference: &'a ShortReference,
@@ -47,7 +47,7 @@ impl Reported {
     ) -> miette::Result<Self> {
         let (figure, provenance) = (figure(&run, &scene.name)?, Provenance::of(scene));
         let reference = match (&run.fault, expectation) {
-            // A run that diverges as it should has no force to compare.
+            // A run that diverges has no meaningful force to compare.
             (Some(_), _) => ShortReference::None("the run ended in a fault".to_owned()),
             _ => ShortReference::of(scene, &run.samples),
         };
@@ -82,7 +82,8 @@ impl Reported {
     }
 }
 
-/// Returns one verdict per scene that does not pass, and one each for the shipped scenes and the others that do.
+/// Returns one verdict for each scene that does not pass, one for the shipped scenes that do, and one for the others that
+/// do.
 pub fn verdicts(reported: &[Reported]) -> Vec<ReportVerdict> {
     let of =
         |what: String, outcome, reason| ReportVerdict { what, outcome, reason, decides: true, section: "experiments" };
@@ -93,7 +94,7 @@ pub fn verdicts(reported: &[Reported]) -> Vec<ReportVerdict> {
     let passed = |runs: &[&Reported]| runs.iter().filter(|r| r.passes()).count();
     if passed(&shipped) > 0 {
         let reason = format!(
-            "{} of {} shipped scenes end as is stated of them, within their stated energy residuals",
+            "{} of {} shipped scenes end as expected, within their stated energy residuals",
             passed(&shipped),
             shipped.len()
         );
@@ -103,7 +104,7 @@ pub fn verdicts(reported: &[Reported]) -> Vec<ReportVerdict> {
         let compared = own.iter().filter(|r| r.reference.force_error().is_some()).count();
         let reason = format!(
             "{} of {} scenes touch the body, without fault or tunnelling, with an energy residual of at most \
-             {DOUBTFUL_RESIDUAL} of the work; the force of {compared} was compared with the whole network's",
+             {DOUBTFUL_RESIDUAL} of the work; the force of {compared} of them was compared with that of the whole network",
             passed(&own),
             own.len()
         );

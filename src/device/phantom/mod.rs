@@ -93,7 +93,7 @@ pub struct PhantomSettings {
     pub joints: JointSettings,
     /// Settings of motors, encoders and limits.
     pub actuation: ActuationSettings,
-    /// What bends between the links and the tip that the hand holds; rigid if absent.
+    /// Compliant structure between the links and the tip that the hand holds; rigid if absent.
     pub structure: Option<StructureSettings>,
     /// Settings of the user's hand.
     pub hand: HandSettings,
@@ -244,8 +244,8 @@ impl PhantomSettings {
     }
 
     /// Returns an upper bound of the rates of motion near rest, 1/s: for ẍ = −(K/m)x − (D/m)ẋ it is √(K/m) + D/m. The
-    /// bound is generous: it takes the least inertia of any pose, and the stretched links for the lever of the grip. On a
-    /// structure both ends move, and their rates add up.
+    /// bound is generous: it takes the least inertia of any pose, and the stretched links for the lever of the grip. With a
+    /// structure both of its ends move, and their rates add up.
     fn rate_bound(&self) -> f64 {
         let Self { joints, actuation, structure, hand, .. } = self;
         let rate = |stiffness: f64, damping: f64, mass: f64| (stiffness / mass).sqrt() + damping / mass;
@@ -426,8 +426,8 @@ impl Phantom {
         self.mean_force > self.settings().actuation.continuous_force
     }
 
-    /// Returns the apparent mass of the links at their end along the device's x, y and z, kg: 1/(J M⁻¹ Jᵀ)ᵢᵢ, in the pose measured
-    /// last.
+    /// Returns the apparent mass of the links at their end along the device's x, y and z, kg: 1/(J M⁻¹ Jᵀ)ᵢᵢ, in the pose
+    /// measured last.
     pub fn apparent_mass_kg(&self) -> Vec3 {
         let jacobian = kinematics::jacobian(&self.measured);
         let joints = &self.settings().joints;

@@ -19,7 +19,7 @@ pub struct PlantState {
     pub hand: Vec3,
     /// Velocity Ẋ of the hand, m/s.
     pub hand_velocity: Vec3,
-    /// The tip y that the hand holds, where a structure lies between it and the links.
+    /// Tip y that the hand holds; `None` without a structure between the links and it.
     pub tip: Option<Moving>,
     /// Energy flows since the start.
     pub flows: EnergyFlows,

@@ -1,5 +1,5 @@
 //! The device's structural mode: the links bend, so that the tip in the hand moves against the joints, where the motors
-//! and the encoders are. One spring and one damper, alike in all directions, lead from the links to a mass at the tip.
+//! and the encoders are. A spring and a damper, equal in all directions, connect the links to a mass at the tip.
 
 use super::hand::Moving;
 use crate::Vec3;

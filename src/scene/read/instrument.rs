@@ -78,7 +78,7 @@ fn recording(_: &InstrumentTable, file: &Path) -> Read<TipPath> {
     TipPath::from_csv(file).map_err(|error| Problem::Path { key: "instrument.file", error })
 }
 
-/// Refuses the keys that say how a recording is read.
+/// Rejects the keys that set how a recording is read.
 fn no_recording(table: &InstrumentTable, because: &'static str) -> Read {
     no_effect("instrument.columns", table.columns.is_some(), because)?;
     no_effect("instrument.scale", table.scale.is_some(), because)?;

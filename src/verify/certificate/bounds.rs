@@ -13,7 +13,7 @@ pub const CONFIDENCE: f64 = 0.95;
 pub const LEVEL: f64 = 0.01;
 /// Length below which a series is not tested: the statistic is χ² distributed only in long series.
 pub const SHORTEST_SERIES: usize = 50;
-/// Number of the rarer outcome up to which the distribution of runs is summed exactly.
+/// Largest count of the rarer outcome for which the distribution of runs is summed exactly.
 pub const MOST_EXACT: u64 = 1000;
 /// Number of trials above which the logarithms of factorials in the incomplete beta function lose too many digits.
 pub const MOST_TRIALS: u64 = 1_000_000_000;
@@ -156,7 +156,7 @@ pub enum Untested {
         /// Number of trials.
         trials: u64,
     },
-    /// There cannot be so many runs.
+    /// The number of runs is impossible for these counts.
     #[error("{runs} runs are not possible")]
     Runs {
         /// Stated number of runs.
@@ -165,13 +165,14 @@ pub enum Untested {
 }
 
 /// Tests whether events cluster, by the number of runs of equal outcomes in a series of `events` events and `others`
-/// (Wald and Wolfowitz, Annals of Mathematical Statistics 11, 1940): all orders of independent trials are equally
-/// probable, and fewer runs than in nearly all of them are a sign of clusters. The p-value is P(R ≤ runs); more runs than
-/// usual pass, as events that avoid each other make no bound too low. The sum is exact up to [`MOST_EXACT`] of the rarer
-/// outcome. Beyond, R is normal with mean 2nm/N + 1 and variance 2nm (2nm − N) / (N² (N − 1)), N = n + m.
+/// (Wald and Wolfowitz, Annals of Mathematical Statistics 11, 1940). All orders of independent trials are equally
+/// probable, and fewer runs than in nearly all of them are a sign of clusters. The p-value is P(R ≤ runs); more runs
+/// than usual pass, since events that avoid each other make no bound too low. The sum is exact up to [`MOST_EXACT`] of
+/// the rarer outcome. Beyond that, R is taken as normal with mean 2nm/N + 1 and variance 2nm (2nm − N) / (N² (N − 1)),
+/// N = n + m.
 ///
 /// # Errors
-/// If there are less than two events or two others, or there cannot be so many runs.
+/// If there are fewer than two events or two others, or the number of runs is impossible.
 ///
 /// ```
 /// use stickslip::verify::certificate::bounds::{Untested, runs_test};
@@ -216,11 +217,11 @@ fn probability_of_runs(n: u64, m: u64, runs: u64) -> f64 {
     if runs.is_multiple_of(2) { 2.0 * ways(k, k) } else { ways(k + 1, k) + ways(k, k + 1) }
 }
 
-/// Tests independence by the autocorrelations r of the values' ranks at lags k = 1…lags, which no distribution of the
-/// values disturbs: Q = Σ (r − μ)² / σ², with the exact mean μ = −(n − k) / (n (n − 1)) and variance
-/// σ² = (5n⁴ − (5k + 9) n³ + 9 (k − 2) n² + 2k (5k + 8) n + 16k²) / (5 (n − 1)² n² (n + 1)) over all orders of the ranks,
-/// is χ² distributed with as many degrees of freedom (Dufour and Roy, Communications in Statistics A 15, 1986). Equal
-/// values share the mean of their ranks.
+/// Tests independence by the autocorrelations r of the values' ranks at lags k = 1…lags, on which the distribution of
+/// the values has no influence: Q = Σ (r − μ)² / σ², with the exact mean μ = −(n − k) / (n (n − 1)) and variance σ² =
+/// (5n⁴ − (5k + 9) n³ + 9 (k − 2) n² + 2k (5k + 8) n + 16k²) / (5 (n − 1)² n² (n + 1)) over all orders of the ranks, is
+/// χ² distributed with as many degrees of freedom as lags (Dufour and Roy, Communications in Statistics A 15, 1986).
+/// Equal values share the mean of their ranks.
 ///
 /// # Errors
 /// If that distribution is not known or Q is not defined.

@@ -1,4 +1,4 @@
-//! What a certificate belongs to: a time, a program, a scene with its mesh, and a machine.
+//! Identity of a certificate: its time, its program, its scene with the mesh, and its machine.
 
 use std::time::SystemTime;
 
@@ -10,7 +10,7 @@ use crate::scene::Scene;
 use crate::session::sha256;
 use crate::verify::baseline::Provenance;
 
-/// Identity of a measurement. Equal hashes stand for equal things; what is not known is `None`.
+/// Identity of a measurement. Equal hashes mean equal contents; what is not known is `None`.
 ///
 /// ```
 /// use stickslip::{realtime::machine::Machine, scene::Scene, verify::certificate::identity::Identity};

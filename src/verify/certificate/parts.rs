@@ -30,14 +30,14 @@ pub struct ComputePart {
     /// CPU time from begin to command, ns, including about 0.2 µs for reading that clock.
     pub cpu_ns: Quantiles,
     /// Wall time of the first pass's ticks when repeated after the load has ended, ns: the program's cost where nothing
-    /// else has the core. A modelled instrument is included, which the window's times are not.
+    /// else has the core. It includes a modelled instrument, which the window's times do not.
     pub idle_ns: Quantiles,
 }
 
 /// Part of a certificate on the global side: the network's cycles and the models built from them.
 #[derive(Debug, Clone, Serialize)]
 pub struct GlobalPart {
-    /// Whether every cycle brought its model in time.
+    /// Whether every cycle delivered its model in time.
     pub verdict: Verdict,
     /// Reasons for the verdict.
     pub reasons: Vec<String>,
@@ -63,7 +63,7 @@ pub struct GlobalPart {
     pub cpu_ns: Quantiles,
 }
 
-/// What the window went through, beside a whole run of the scene in lockstep.
+/// What the window exercised, compared with a whole run of the scene in lockstep.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Coverage {
     /// Share of the scene's path that the longest pass covered, at most 1.
@@ -89,10 +89,10 @@ pub struct ControlPart {
     pub skipped: u64,
 }
 
-/// Part of a certificate on the program on this machine.
+/// Part of a certificate on the commands of the program on this machine.
 #[derive(Debug, Clone, Serialize)]
 pub struct PlatformPart {
-    /// Whether commands came by their deadline.
+    /// Whether commands met their deadlines.
     pub verdict: Verdict,
     /// Reasons for the verdict.
     pub reasons: Vec<String>,
@@ -115,7 +115,7 @@ pub struct PlatformPart {
 }
 
 impl Coverage {
-    /// Returns what the window did not go through, though the scene's path of `path_s` seconds does.
+    /// Returns what the scene's path of `path_s` seconds exercises and the window does not.
     pub(super) fn gaps(&self, path_s: f64) -> Vec<String> {
         let mut gaps = Vec::new();
         if !(self.path_share >= 1.0) {
@@ -145,7 +145,8 @@ pub(super) struct Replayed<'a> {
     pub idle: Quantiles,
 }
 
-/// Judges the program: its own time, and that it allocates nothing and repeats. `open` has what was not measured.
+/// Judges the program: its own time, that it allocates nothing, and that its ticks repeat. `open` lists what was not
+/// measured.
 pub(super) fn compute_part(
     meter: &Meter,
     window: &Window,
@@ -263,7 +264,7 @@ pub(super) fn global_part(global: &GlobalTimes, window: &Window) -> GlobalPart {
     }
 }
 
-/// Judges the result on this machine: deadlines apply to responses. `open` has what was not measured.
+/// Judges the result on this machine: deadlines apply to responses. `open` lists what was not measured.
 pub(super) fn platform_part(
     meter: &Meter,
     window: &Window,

@@ -141,7 +141,7 @@ pub struct Tests {
     pub blocks: usize,
     /// Number of ticks in a block.
     pub block_ticks: u64,
-    /// Test that no maximum depends on earlier ones, by their ranks. None where it could not be done, also below.
+    /// Test by ranks that no maximum depends on earlier ones; `None`, as for the other tests, if it could not be made.
     pub independence: Option<Tested>,
     /// Test that both halves are equally distributed, by Kolmogorov and Smirnov. A drift there and back escapes it.
     pub stationarity: Option<Tested>,

@@ -1,4 +1,4 @@
-//! Certificate of a measured loop: two verdicts and the evidence for them.
+//! Certificate of a measured loop: a verdict on each of its parts, and the evidence for them.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +20,7 @@ use crate::verify::certificate::parts::{
 use crate::verify::certificate::tail::Tail;
 use crate::verify::lateness::Consequences;
 
-/// Lags of the rank test: memory that outlasts ten blocks also shows in shorter lags.
+/// Number of lags of the rank test: dependence over more than ten blocks also shows at shorter lags.
 const LAGS: usize = 10;
 /// Margin around a miss, in which growth of the stolen time counts for it, ns: it covers the interval of the kernel's
 /// accounting and that between two samples of it.
@@ -33,7 +33,7 @@ pub struct WorstTick {
     pub pass: u32,
     /// Number of the tick in its pass, counted from 0.
     pub tick: u64,
-    /// Reasons for which the tick was repeated.
+    /// Reasons why the tick was repeated.
     pub why: Vec<ReplayReason>,
     /// Recorded times; absent for a tick that was chosen for its kind.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
@@ -69,7 +69,7 @@ pub struct MissRate {
     pub independent: Option<bool>,
     /// Tests of independence.
     pub independence: IndependenceTests,
-    /// Reasons for which a test could not be done.
+    /// Reasons why a test could not be made.
     pub untested: Vec<String>,
 }
 
@@ -164,7 +164,7 @@ impl MissRate {
 pub struct Certificate {
     /// Version of the program.
     pub version: &'static str,
-    /// When, of what and on what the measurement was made.
+    /// Time, program, scene and machine of the measurement.
     pub identity: Identity,
     /// Name of the scene.
     pub scene: String,
@@ -186,7 +186,7 @@ pub struct Certificate {
     pub fault: Option<String>,
     /// Counters of the servo thread.
     pub window: Window,
-    /// What the window went through: the verdicts hold for nothing else.
+    /// What the window exercised: the verdicts hold for nothing else.
     pub coverage: Coverage,
     /// Verdict on the program itself.
     pub compute: ComputePart,
@@ -217,7 +217,7 @@ pub struct Certificate {
 /// Circumstances of a measured loop.
 #[derive(Debug)]
 pub struct Circumstances {
-    /// When, of what and on what the measurement was made.
+    /// Time, program, scene and machine of the measurement.
     pub identity: Identity,
     /// Name of the scene.
     pub scene: String,
