@@ -171,7 +171,7 @@ pub fn sha256(bytes: &[u8]) -> String {
 
 /// Returns the SHA-256 of a file's content; `None` if it cannot be read.
 pub fn sha256_of_file(path: &Path) -> Option<String> {
-    fs::read(path).ok().map(|content| sha256(&content))
+    crate::output::folder::sha256(path).ok()
 }
 
 /// A recorded session: the scene, what decides the course of its runs, and their results.

@@ -9,7 +9,7 @@ use serde::Serialize;
 use tempfile::TempDir;
 
 use super::terminal::say;
-use super::{FAIL, PASS};
+use super::{FAIL, INCONCLUSIVE, PASS};
 use crate::verify::paired::Median;
 
 /// Rounds that are not counted, as they bring files and code into the caches.
@@ -136,9 +136,9 @@ fn time(program: &Path, scene: &Path, out: &Path) -> miette::Result<f64> {
     let start = Instant::now();
     let status = command.status().into_diagnostic().wrap_err_with(|| format!("cannot run {}", program.display()))?;
     let elapsed = start.elapsed().as_secs_f64();
-    // The time of a run that ends in a fault counts too.
+    // The time of a run counts whatever its verdict.
     match status.code() {
-        Some(code) if [PASS, FAIL].map(i32::from).contains(&code) && summary.exists() => Ok(elapsed),
+        Some(code) if [PASS, FAIL, INCONCLUSIVE].map(i32::from).contains(&code) && summary.exists() => Ok(elapsed),
         _ => miette::bail!("{} run {} ended with {status}", program.display(), scene.display()),
     }
 }

@@ -66,10 +66,16 @@ impl Recording {
             let position = Vec3::new(x?, y?, z?) * self.scale;
             waypoints.push(Waypoint { time: time? - self.start_s, position });
         }
-        if let Some(hz) = self.filter_hz {
-            smooth(&mut waypoints, hz);
-        }
-        Ok(TipPath::new(waypoints)?.with_recording(path.to_owned()))
+        // The filter needs times that ascend.
+        let path_as_recorded = TipPath::new(waypoints.clone())?;
+        let motion = match self.filter_hz {
+            None => path_as_recorded,
+            Some(hz) => {
+                smooth(&mut waypoints, hz);
+                TipPath::new(waypoints)?
+            }
+        };
+        Ok(motion.with_recording(path.to_owned()))
     }
 
     /// Finds the columns in a header.

@@ -3,7 +3,8 @@
 use std::fs;
 
 use serde::Serialize;
-use sha2::{Digest, Sha256};
+
+use crate::output::folder::sha256;
 
 /// Instruction sets that decide which kernels the program selects.
 const FEATURES: [&str; 6] = ["sse2", "sse4_2", "avx", "avx2", "fma", "avx512f"];
@@ -76,8 +77,7 @@ impl Machine {
 }
 
 fn program_sha256() -> Option<String> {
-    let program = fs::read(std::env::current_exe().ok()?).ok()?;
-    Some(Sha256::digest(program).iter().map(|byte| format!("{byte:02x}")).collect())
+    sha256(&std::env::current_exe().ok()?).ok()
 }
 
 /// Returns the time that the hypervisor has taken from all CPUs so far, in ticks of the kernel's accounting (usually 10

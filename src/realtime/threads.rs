@@ -95,11 +95,6 @@ impl Pass {
         }
     }
 
-    /// Returns the number of ticks completed, skipped ones included.
-    pub fn ticks_done(&self) -> u64 {
-        self.servo.next_tick()
-    }
-
     /// Returns the number of ticks that the pass has if nothing ends it earlier.
     pub(super) fn ticks(&self) -> u64 {
         self.ticks

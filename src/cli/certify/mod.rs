@@ -11,7 +11,7 @@ use maud::Markup;
 use miette::Diagnostic;
 
 use super::progress::Progress;
-use super::terminal::{hand_out, say, significant};
+use super::terminal::{complain, hand_out, say, significant};
 use super::tick_timing::{TimedTick, time_ticks};
 use super::{FAIL, INCONCLUSIVE, PASS, folder, interrupt, load};
 use crate::multirate::global::Moment;
@@ -151,8 +151,13 @@ fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette
     let warm_up = Simulation::prepare(scene)?;
     // The warm-up has prepared this scene already. If a later preparation fails, for example for lack of memory, the
     // window ends.
-    let passes = pass_lengths(ticks, scene.tick_count())
-        .map_while(|ticks| Some(Pass::new(Simulation::prepare(scene).ok()?, ticks, false)));
+    let passes = pass_lengths(ticks, scene.tick_count()).map_while(|ticks| match Simulation::prepare(scene) {
+        Ok(simulation) => Some(Pass::new(simulation, ticks, false)),
+        Err(error) => {
+            complain(format_args!("Warning: the window ends early, as a pass cannot be prepared: {error}"));
+            None
+        }
+    });
     let settings = loop_settings(scene, &warm_up, true);
     let cpus = os::affinity();
     let (kind, words) = match load {
