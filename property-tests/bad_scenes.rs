@@ -399,7 +399,7 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
         "no mesh file",
         BLOCK,
         "kind = \"file\"\npath = \"scene.toml\"",
-        &["not a mesh file by its extension", ".vtk legacy"],
+        &["not a mesh file by its extension", ".vtk, .vtu, .vtp"],
     ),
     ("a scale of zero", BLOCK, mesh_file!("solid-text.vtu", "scale = 0.0"), &["mesh.scale", "above 0"]),
     ("a scale of NaN", BLOCK, mesh_file!("solid-text.vtu", "scale = nan"), &["mesh.scale", "NaN"]),

@@ -22,7 +22,7 @@ const CUT: &str = "…";
 /// Returns the handler that lays out an error. It does not break hyphenated names, so that they can be copied, and does not
 /// repeat a cause that the message already contains.
 pub fn layout(error: &(dyn Diagnostic + 'static)) -> Box<dyn ReportHandler> {
-    let options = MietteHandlerOpts::new().word_splitter(WordSplitter::NoHyphenation);
+    let options = MietteHandlerOpts::new().word_splitter(WordSplitter::NoHyphenation).break_words(false);
     let is_told = error.source().is_some_and(|cause| error.to_string().contains(&cause.to_string()));
     let inner = if is_told { options.without_cause_chain() } else { options }.build();
     Box::new(Printable(Box::new(inner)))

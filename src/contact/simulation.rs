@@ -61,6 +61,8 @@ pub struct LocalSimulation {
     pub(super) contact: Option<Contact>,
     /// Whether the contact was under tension before the last tick, which then took the nearest point.
     pub(super) was_under_tension: bool,
+    /// Whether the last contact ended by a release, after which the tip has not left the box around the surface.
+    is_released: bool,
     pub(super) support: Support,
     pub(super) visited: Visited,
     pub(super) hits: Hits,
@@ -94,6 +96,7 @@ impl LocalSimulation {
             age: 0,
             contact: None,
             was_under_tension: false,
+            is_released: false,
             visited: Visited::new(triangles),
             hits: Hits::new(triangles),
             work_left: 0.0,
@@ -131,8 +134,21 @@ impl LocalSimulation {
     /// Takes a free tip inside the surface to be in contact with the nearest point, as after tension.
     pub(super) fn take_up_if_inside(&mut self, tip: Vec3) {
         let shape = self.shape();
-        if self.contact.is_none() && shape.may_contain(tip) && shape.signed_distance(tip) < -START_TOLERANCE {
+        if self.contact.is_none() && shape.signed_distance(tip) < -START_TOLERANCE {
             self.contact = shape.nearest(tip).map(|point| Contact { point, state: ContactState::Tension });
+        }
+    }
+
+    /// Follows a released tip. Where a patch folds, its surface intersects itself, and a tip that is inside may count as outside when it
+    /// is released; as the surface unfolds, the tip is inside without having passed through it, which collision detection does not
+    /// see.
+    pub(super) fn follow_release(&mut self, tip: Vec3) {
+        self.is_released |= self.was_under_tension;
+        if self.is_released {
+            self.is_released = self.contact.is_none() && self.renderer.is_none() && self.shape().may_contain(tip);
+        }
+        if self.is_released {
+            self.take_up_if_inside(tip);
         }
     }
 

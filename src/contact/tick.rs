@@ -51,9 +51,7 @@ impl LocalSimulation {
         self.age += 1;
         snap_to_rest(&mut self.state.v[..self.model.patch.len()]);
         self.model.place_boundary(self.elapsed(), &mut self.state.x);
-        if self.renderer.is_none() {
-            self.take_up_if_inside(q1);
-        }
+        self.follow_release(q1);
         report
     }
 

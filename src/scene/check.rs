@@ -347,6 +347,7 @@ pub(super) fn non_negative(key: &'static str, value: f64) -> Checked<f64> {
     accept(key, value, value.is_finite() && value >= 0.0)
 }
 
+#[cfg(feature = "files")]
 pub(super) fn finite(key: &'static str, value: f64) -> Checked<f64> {
     accept(key, value, value.is_finite())
 }
