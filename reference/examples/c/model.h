@@ -62,6 +62,7 @@ typedef struct surface {
   uint64_t *visited;          /* triangles: working memory of a projection */
   uint64_t walk;              /* number of the last projection */
   double *measure;            /* triangles: working memory of a search */
+  double margin;              /* m: the tip meets no triangle that is farther away than this */
 } surface;
 
 /* A point of the surface. */
@@ -70,7 +71,8 @@ typedef struct surface_point {
   double weights[3]; /* barycentric */
 } surface_point;
 
-bool surface_create(surface *s, const stickslip_body *body);
+/* `size` is the extent of the body (m). Returns false where there is not enough memory. */
+bool surface_create(surface *s, const stickslip_body *body, double size);
 void surface_destroy(surface *s);
 vec3 surface_position(const surface *s, const double *x, const surface_point *at);
 vec3 surface_normal(const surface *s, const double *x, uint32_t triangle);

@@ -149,7 +149,7 @@ void *stickslip_renderer_create(const stickslip_body *body, const stickslip_setu
   r->rings = 1;
   r->reach = reach_of(body);
   atomic_init(&r->message, "");
-  if (!surface_create(&r->surface, body) || !list_springs(r) || !read_options(r, setup->options)) {
+  if (!surface_create(&r->surface, body, r->reach) || !list_springs(r) || !read_options(r, setup->options)) {
     stickslip_renderer_destroy(r);
     return NULL;
   }

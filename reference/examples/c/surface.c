@@ -29,10 +29,11 @@ static int compare_half_edges(const void *left, const void *right) {
   return a->corner < b->corner ? -1 : a->corner > b->corner;
 }
 
-bool surface_create(surface *s, const stickslip_body *body) {
+bool surface_create(surface *s, const stickslip_body *body, double size) {
   const uint32_t triangles = (uint32_t)body->triangles, edges = 3 * triangles;
   s->triangles = triangles;
   s->corner = body->triangle_nodes;
+  s->margin = 1e-8 * size;
   s->neighbour = malloc((edges + 1) * sizeof *s->neighbour);
   s->incident_start = calloc(body->nodes + 2, sizeof *s->incident_start);
   s->incident = malloc((edges + 1) * sizeof *s->incident);
@@ -256,29 +257,28 @@ static double falling_root(const double c[4], double low, double high) {
   return low;
 }
 
-static bool boxes_apart(const vec3 *a, int a_count, const vec3 *b, int b_count) {
-  for (int axis = 0; axis < 3; axis++) {
-    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
-    for (int i = 0; i < a_count + b_count; i++) {
-      const vec3 *point = i < a_count ? &a[i] : &b[i - a_count];
-      const double value = axis == 0 ? point->x : axis == 1 ? point->y : point->z;
-      const int set = i < a_count ? 0 : 1;
-      if (value < low[set]) low[set] = value;
-      if (value > high[set]) high[set] = value;
-    }
-    const double margin = 1e-6 * (high[1] - low[1] + high[0] - low[0]) + 1e-12;
-    if (low[0] > high[1] + margin || low[1] > high[0] + margin) return true;
-  }
-  return false;
+/* A box with sides along the axes. */
+typedef struct box {
+  vec3 low, high;
+} box;
+
+static double lesser(double a, double b) { return a < b ? a : b; }
+static double greater(double a, double b) { return a > b ? a : b; }
+
+static box around(box b, vec3 point) {
+  b.low = (vec3){lesser(b.low.x, point.x), lesser(b.low.y, point.y), lesser(b.low.z, point.z)};
+  b.high = (vec3){greater(b.high.x, point.x), greater(b.high.y, point.y), greater(b.high.z, point.z)};
+  return b;
+}
+
+static bool apart(box a, box b, double margin) {
+  return a.low.x > b.high.x + margin || b.low.x > a.high.x + margin || a.low.y > b.high.y + margin ||
+         b.low.y > a.high.y + margin || a.low.z > b.high.z + margin || b.low.z > a.high.z + margin;
 }
 
 /* First time at which the tip passes a moving triangle from outside to inside. The signed volume of tip and triangle,
  * (q - a) . (b - a) x (c - a), is a cubic in time. */
 static double crossing(const vec3 from[3], const vec3 to[3], vec3 q0, vec3 q1, double weights[3]) {
-  const vec3 tip[2] = {q0, q1};
-  const vec3 swept[6] = {from[0], from[1], from[2], to[0], to[1], to[2]};
-  if (boxes_apart(tip, 2, swept, 6)) return INFINITY;
-
   const vec3 r = subtract(q0, from[0]), r_dot = subtract(subtract(q1, to[0]), r);
   const vec3 e1 = subtract(from[1], from[0]), e1_dot = subtract(subtract(to[1], to[0]), e1);
   const vec3 e2 = subtract(from[2], from[0]), e2_dot = subtract(subtract(to[2], to[0]), e2);
@@ -306,10 +306,13 @@ static double crossing(const vec3 from[3], const vec3 to[3], vec3 q0, vec3 q1, d
 double surface_collision(surface *s, const double *x, const double *x_end, vec3 q0, vec3 q1, surface_point *at) {
   double earliest = INFINITY, weights[3];
   vec3 from[3], to[3];
+  const box tip = around((box){q0, q0}, q1);
   for (uint32_t t = 0; t < s->triangles; t++) {
     corners(s, x, t, from);
     corners(s, x_end, t, to);
-    s->measure[t] = crossing(from, to, q0, q1, weights);
+    box swept = {from[0], from[0]};
+    for (int k = 0; k < 3; k++) swept = around(around(swept, from[k]), to[k]);
+    s->measure[t] = apart(tip, swept, s->margin) ? INFINITY : crossing(from, to, q0, q1, weights);
     if (s->measure[t] < earliest) earliest = s->measure[t];
   }
   if (earliest == INFINITY) return INFINITY;
