@@ -357,7 +357,8 @@ static void refusals(void) {
   }
   stickslip_setup shaded = setup_for(STICKSLIP_LAW_SLIDING, 0.0, 0.0, "");
   shaded.surface = STICKSLIP_SURFACE_SHADED;
-  holds("another surface is refused", !stickslip_renderer_create(&net.body, &shaded) && message_contains(NULL, "faceted"));
+  holds("another surface is refused",
+        !stickslip_renderer_create(&net.body, &shaded) && message_contains(NULL, "faceted"));
   shaded = setup_for(STICKSLIP_LAW_SLIDING, 0.0, 0.0, "");
   net.triangle_nodes[4] = 4000000000u;
   holds("a triangle without its node is refused",
