@@ -7,7 +7,7 @@
 
 /* ---- Tests ---------------------------------------------------------------------------------------------------- */
 
-/* Free fall of two masses on a chain. Each mode of semi-implicit Euler (11) is x_k = A cos(k a) + B sin(k a) with
+/* Two masses that swing freely on a chain. Each mode of semi-implicit Euler (11) is x_k = A cos(k a) + B sin(k a) with
  * cos a = 1 - (w h)^2/2. */
 static void two_free_masses(void) {
   const double k = 80.0, mass = 0.02, golden[2] = {(3.0 - sqrt(5.0)) / 2.0, (3.0 + sqrt(5.0)) / 2.0};
@@ -430,7 +430,8 @@ static void seeded_faults(void) {
     bool shown = largest > 1e-4;
     if (strcmp(names[i], "allocation") == 0) shown = s.allocated == DRAG_TICKS && largest == 0.0;
     if (strcmp(names[i], "release-sign") == 0) shown = pull > 1e-3;
-    if (strcmp(names[i], "nan-on-teleport") == 0) shown = largest == 0.0 && isnan(tick(&s, (vec3){0.0, 0.0, -0.004}).x);
+    if (strcmp(names[i], "nan-on-teleport") == 0)
+      shown = largest == 0.0 && isnan(tick(&s, (vec3){0.0, 0.0, -0.004}).x);
     printf("      fault %-16s largest change %.3g N, largest pull %.3g N, allocations %llu\n", names[i], largest, pull,
            (unsigned long long)s.allocated);
     holds("the fault shows", shown);
