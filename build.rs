@@ -1,4 +1,5 @@
-//! Tells the program what it was built with, for the provenance of its reports.
+//! Tells the program what it was built with, for the provenance of its reports, and exports its C allocator, which counts,
+//! to the libraries that it loads.
 
 use std::env::var;
 use std::process::Command;
@@ -14,6 +15,15 @@ fn main() {
         of("OPT_LEVEL")
     );
     println!("cargo::rerun-if-changed=build.rs");
+    // The linker exports by itself only those functions of the allocator that libc refers to.
+    if of("CARGO_CFG_TARGET_OS") == "linux"
+        && of("CARGO_CFG_TARGET_ENV") == "gnu"
+        && var("CARGO_FEATURE_REALTIME").is_ok()
+    {
+        for function in ["calloc", "realloc", "memalign", "aligned_alloc", "posix_memalign"] {
+            println!("cargo::rustc-link-arg-bins=-Wl,--export-dynamic-symbol={function}");
+        }
+    }
     // Debug builds are for tests, and compiling them again after every commit would only take time.
     if of("PROFILE") == "release"
         && let Some(commit) = commit()

@@ -5,7 +5,7 @@ use stickslip::local::model::{ExteriorKind, Linearization, LocalSettings};
 use stickslip::local::patch::Extent;
 use stickslip::local::step::LocalIntegrator;
 use stickslip::model::springs::TangentKind;
-use stickslip::scene::{Rings, SHIPPED, Scene};
+use stickslip::scene::{LocalModelName, Rings, SHIPPED, Scene};
 use stickslip::verify::accuracy::{
     Assessment, Coverage, Grid, Method, PAPER, PAPER_RATE_HZ, REFINEMENT, Reference, Status, Touching, grid,
 };
@@ -18,7 +18,7 @@ fn touching(scene: &Scene) -> Touching {
 
 fn assess(scene: &Scene, reference: &Reference, local: LocalSettings) -> Assessment {
     let method = Method {
-        is_full: false,
+        model: LocalModelName::Patch,
         local,
         integrator: LocalIntegrator::SemiImplicitEuler,
         global_rate: PAPER_RATE_HZ,
@@ -126,7 +126,7 @@ fn grids_hold_the_paper_the_scene_and_nothing_twice() {
             let methods = &grid.methods;
             let touching = touching(&scene);
             let paper = Method {
-                is_full: false,
+                model: LocalModelName::Patch,
                 local: PAPER,
                 integrator: LocalIntegrator::SemiImplicitEuler,
                 global_rate: PAPER_RATE_HZ,
@@ -156,7 +156,7 @@ fn methods_become_scenes() {
     assert_eq!((often.global_rate_hz(), often.ticks_per_cycle(), often.global.substeps), (50.0, 20, 20));
     assert_eq!(Method::of(&often), method);
     let names = method.names();
-    assert_eq!((names.rings, names.exterior, names.tangent), (Rings::Count(1), Some("fixed"), Some("exact")));
+    assert_eq!((names.rings, names.exterior, names.tangent), (Some(Rings::Count(1)), Some("fixed"), Some("exact")));
     assert_eq!(method.to_string(), "1 ring, tangent, fixed, exact, 50 Hz");
 }
 

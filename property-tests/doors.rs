@@ -34,12 +34,13 @@ struct OursModel {
 impl Renderer for Ours {
     fn build(&mut self, body: Body<'_>, state: BodyState<'_>) -> Result<Box<dyn RendererModel>, RendererFault> {
         let network = State { x: state.x.to_vec(), v: state.v.to_vec() };
-        let around = state.contact.map_or(state.tip, |point| {
+        let contact = state.last.contact.map(|(point, _)| point);
+        let around = contact.map_or(state.tip, |point| {
             body.surface.node_weights(&point).map(|(node, weight)| state.x[node] * weight).sum()
         });
         let mut builder = LocalModelBuilder::new(body.network, body.surface.clone(), self.settings);
         let (model, local_state) = builder
-            .build(body.network, &network, around, state.contact.map(|point| point.triangle))
+            .build(body.network, &network, around, contact.map(|point| point.triangle))
             .map_err(|_| RendererFault("no model"))?;
         let next = Some((model.clone(), local_state.clone()));
         let local = LocalSimulation::new(self.rules, self.tick_s, body.surface.clone(), model, local_state);
@@ -48,7 +49,8 @@ impl Renderer for Ours {
 }
 
 impl RendererModel for OursModel {
-    fn take_over(&mut self, old: &mut dyn RendererModel) {
+    fn take_over(&mut self, old: Option<&mut dyn RendererModel>) {
+        let Some(old) = old else { return };
         let old = (old as &mut dyn Any).downcast_mut::<Self>().expect("all models are of one kind");
         self.local = old.local.clone();
         if let Some((model, state)) = self.next.take() {
@@ -198,7 +200,8 @@ fn faults_of_own_parts_are_named() {
         }
     }
     for (has_velocity, tick, reason) in [
-        (true, 100, "it moves nodes that are fixed or that the body does not have"),
+        // The nodes are looked at with the cycle in which they moved.
+        (true, 200, "it moves nodes that are fixed or that the body does not have"),
         (false, 0, "it does not give a position and a velocity for each node it moves"),
     ] {
         let own = with_renderer(Mover { models: 0, has_velocity, node: [300] });

@@ -1,6 +1,5 @@
 //! Extreme scenes end as the table of expected outcomes states, and the table itself is checked.
 
-use stickslip::Vec3;
 use stickslip::contact::law::{Law, Mode};
 use stickslip::contact::rules::Scheme;
 use stickslip::multirate::failsafe::{Fault, FaultCause};
@@ -9,6 +8,7 @@ use stickslip::multirate::trajectory::{PathRecording, Trajectory};
 use stickslip::pipeline::Simulation;
 use stickslip::surface::geometry::ContactSurface;
 use stickslip::verify::extremes::{EXTREMES, Expected, Extreme, FaultKind, Outcome, Quantity, Variant};
+use stickslip::{Rendered, Vec3};
 
 #[test]
 fn every_extreme_ends_as_expected() {
@@ -124,7 +124,7 @@ fn rest_is_a_fixed_point_of_tick_and_cycle() {
                 trajectory.record(local.state());
             }
             global
-                .catch_up(&CycleMessage { trajectory, contact: local.contact(), tip })
+                .catch_up(&CycleMessage { trajectory, contact: local.contact(), tip, rendered: Rendered::FREE })
                 .expect("an explicit step has a solution");
             let message = global.build_model(tip).expect("an explicit model");
             assert!(whole(global.state()) == network, "a cycle changed a bit of the network");

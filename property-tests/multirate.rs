@@ -1,7 +1,6 @@
 //! The global cycle: hand-overs, latency, replay and overwrite, and the limits in which the local
 //! model equals the network.
 
-use stickslip::Vec3;
 use stickslip::dynamics::integrators::GlobalIntegrator;
 use stickslip::local::model::{Linearization, LocalSettings};
 use stickslip::model::springs::TangentKind;
@@ -10,6 +9,7 @@ use stickslip::multirate::messages::CycleMessage;
 use stickslip::multirate::trajectory::{PathRecording, Trajectory};
 use stickslip::pipeline::{self, Simulation};
 use stickslip::scene::Scene;
+use stickslip::{Rendered, Vec3};
 
 use crate::check::{PRESS_AND_DRAG, Worst, relative_rms, run, small_scene};
 
@@ -162,7 +162,9 @@ fn a_path_with_gaps_is_replayed_as_far_as_it_goes() {
             (0..recorded).for_each(|_| trajectory.record_at(&moved, &v));
             // These notes are of another patch, whose beginning was lost.
             trajectory.record_at(&moved[1..], &v[1..]);
-            global.catch_up(&CycleMessage { trajectory, contact: None, tip: Vec3::zeros() }).expect("explicit steps");
+            global
+                .catch_up(&CycleMessage { trajectory, contact: None, tip: Vec3::zeros(), rendered: Rendered::FREE })
+                .expect("explicit steps");
             let expected = if recorded == 0 { &local.state().x[..m] } else { &moved[..] };
             for (&node, expected) in local.model().patch.nodes.iter().zip(expected) {
                 assert_eq!(global.state().x[node as usize], *expected, "{keep:?}, {recorded} ticks");

@@ -419,7 +419,7 @@ fn misses_that_cluster_are_called_dependent() {
 }
 
 fn path(recording: Option<PathRecording>) -> ChannelSettings {
-    ChannelSettings { tick_s: 1e-3, ticks_per_cycle: 10, pass_ticks: 1200, recording }
+    ChannelSettings { tick_s: 1e-3, ticks_per_cycle: 10, pass_ticks: 1200, recording, rendered_nodes: 0 }
 }
 
 #[test]

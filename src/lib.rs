@@ -85,6 +85,9 @@ pub mod contact;
 pub mod device;
 
 #[doc(hidden)]
+pub mod external;
+
+#[doc(hidden)]
 pub mod multirate;
 
 #[doc(hidden)]
@@ -111,11 +114,14 @@ pub mod verify;
 pub mod cli;
 
 pub use contact::law::{ContactLaw, Friction, Impulse, Interface, Law, Mode};
-pub use contact::renderer::{Body, BodyState, MovedNodes, Rendered, Renderer, RendererFault, RendererModel};
+pub use contact::renderer::{
+    Body, BodyState, MovedNodes, Rendered, Renderer, RendererFault, RendererModel, Setup, TickCost,
+};
 pub use contact::report::TickReport;
 pub use contact::rules::{ContactRules, Deformation, Scheme, Wall};
 pub use device::instrument::{Instrument, InstrumentFault};
 pub use device::path::{Interpolation, PathError, TipPath, Waypoint};
+pub use external::{LibraryError, RendererLibrary};
 pub use model::mesh::{Block, Mesh, Stencil};
 pub use model::network::{Material, Network};
 pub use multirate::failsafe::{Fault, FaultCause};

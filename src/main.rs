@@ -2,8 +2,12 @@
 
 use std::process::ExitCode;
 
-/// So that a certificate can say how often the servo thread allocated.
-#[cfg(all(feature = "realtime", target_os = "linux"))]
+/// So that a certificate can state how often the servo thread allocated, in Rust and in C.
+#[cfg(all(feature = "realtime", target_os = "linux", target_env = "gnu"))]
+mod malloc;
+
+/// The same in Rust alone, where there is no glibc.
+#[cfg(all(feature = "realtime", target_os = "linux", not(target_env = "gnu")))]
 #[global_allocator]
 static ALLOCATOR: stickslip::realtime::allocations::Counting = stickslip::realtime::allocations::Counting;
 

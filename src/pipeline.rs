@@ -16,7 +16,7 @@ use thiserror::Error;
 
 use crate::Vec3;
 use crate::contact::collision::START_TOLERANCE;
-use crate::contact::renderer::Renderer;
+use crate::contact::renderer::{Renderer, RendererFault, Setup};
 use crate::contact::report::TickReport;
 use crate::contact::simulation::LocalSimulation;
 use crate::device::coupled::InstrumentError;
@@ -25,6 +25,7 @@ use crate::device::coupling::HandOverSmoothing;
 use crate::device::instrument::{Instrument, InstrumentInUse};
 use crate::dynamics::integrators::GlobalIntegrator;
 use crate::dynamics::settle::{SettleError, settle};
+use crate::external::{self, LibraryError};
 use crate::local::condensation::CondensationCounts;
 use crate::local::model::LocalModelBuilder;
 use crate::local::patch::Extent;
@@ -157,8 +158,14 @@ pub enum AssemblyError {
         /// How deep, m.
         depth_m: f64,
     },
+    /// A custom renderer does not take the body or the scene's settings.
+    #[error("the renderer refuses the scene: {}", .0.0)]
+    Refused(RendererFault),
+    /// The scene's renderer cannot be loaded.
+    #[error(transparent)]
+    Library(#[from] LibraryError),
     /// A custom renderer gets its models from cycles that are replayed.
-    #[error("a custom renderer needs `local.model = \"patch\"` and `sync.mode = \"replay\"`")]
+    #[error("a custom renderer needs a global side, so not `local.model = \"full\"`, and `sync.mode = \"replay\"`")]
     NoCycle,
     /// A custom renderer that moves no nodes pushes the network, which an implicit global step does not take.
     #[error("a custom renderer that moves no nodes needs an explicit `global.integrator`")]
@@ -176,9 +183,11 @@ impl AssemblyError {
             Self::Instrument(error) => scene.error(Problem::Instrument { key: "instrument", error }),
             Self::Model(BuildError::Model(error)) => scene.error(Problem::Model(error)),
             Self::TipInside { depth_m } => scene.error(Problem::TipInside { depth_m }),
-            error @ (Self::Model(BuildError::Renderer(_)) | Self::NoCycle | Self::PushedImplicitly) => {
-                scene.error(Problem::OwnPart(error.to_string()))
-            }
+            Self::Library(error) => scene.error(Problem::Library(error)),
+            error @ (Self::Model(BuildError::Renderer(_))
+            | Self::Refused(_)
+            | Self::NoCycle
+            | Self::PushedImplicitly) => scene.error(Problem::OwnPart(error.to_string())),
         }
     }
 }
@@ -285,12 +294,24 @@ impl Simulation {
             metric: scene.contact.scheme.overwrite_metric(),
         };
         let mut global = GlobalSimulation::new(cycle, network.clone(), builder, start);
-        let is_rendered_by_another = own.renderer.is_some();
-        if let Some(renderer) = own.renderer {
+        let renderer = match own.renderer {
+            Some(renderer) => Some(renderer),
+            None => scene.renderer().map(external::open).transpose()?,
+        };
+        let is_rendered_by_another = renderer.is_some();
+        if let Some(renderer) = renderer {
             if scene.is_full() || scene.global.sync != SyncMode::Replay {
                 return Err(AssemblyError::NoCycle);
             }
-            global = global.with_renderer(renderer);
+            let setup = Setup {
+                tick_s: scene.tick_s(),
+                cycle_s: f64::from(scene.ticks_per_cycle()) * scene.tick_s(),
+                law: scene.contact.law,
+                adhesion_n: scene.contact.adhesion_n,
+                surface: scene.surface,
+                radius_m: scene.contact_radius,
+            };
+            global = global.with_renderer(renderer, &setup).map_err(AssemblyError::Refused)?;
         }
 
         let instrument = match own.instrument {
@@ -420,6 +441,9 @@ pub struct Lockstep {
     /// Down: models that are not yet due, or why there is none.
     pending: VecDeque<(Arrival, Result<ModelMessage, FaultCause>)>,
     energy: EnergyBalance,
+    /// A segment of the path that begins with the next tick of a custom renderer, which only then has moved nodes: its
+    /// first tick in the cycle, and the largest number of its ticks.
+    segment: Option<(usize, usize)>,
 }
 
 impl Lockstep {
@@ -429,7 +453,8 @@ impl Lockstep {
         let mut energy = EnergyBalance::new(ground);
         energy.take_stock(simulation.servo.local());
         let trajectory = Trajectory::new(simulation.recording);
-        let mut run = Self { simulation, trajectory, passed: Vec::new(), pending: VecDeque::new(), energy };
+        let mut run =
+            Self { simulation, trajectory, passed: Vec::new(), pending: VecDeque::new(), energy, segment: None };
         run.begin_segment();
         run
     }
@@ -473,7 +498,12 @@ impl Lockstep {
         let is_boundary = tick % *ticks_per_cycle == 0 && tick > 0 && !*is_full;
         if is_boundary {
             let past = std::mem::replace(&mut self.trajectory, Trajectory::new(*recording));
-            self.passed.push(CycleMessage { trajectory: past, contact: servo.local().contact(), tip: servo.tip() });
+            self.passed.push(CycleMessage {
+                trajectory: past,
+                contact: servo.local().contact(),
+                tip: servo.tip(),
+                rendered: servo.report().rendered(),
+            });
             if let Some(at) = timeline.model_due(tick) {
                 self.pending.push_back((Arrival { from: tick, at }, global.next_model(self.passed.drain(..), mark)));
             }
@@ -498,20 +528,26 @@ impl Lockstep {
         let done = servo.tick(deadline_outcome)?;
         mark(Moment::TickEnds);
         let local = servo.local();
+        let is_skipped = deadline_outcome == DeadlineOutcome::Skipped;
         match (local.moved(), *recording) {
             _ if *is_full => {}
-            (Some(moved), _) => self.trajectory.record_at(moved.x, moved.v),
+            // The segment begins in the next tick.
+            (Some(_), _) if is_skipped && self.segment.is_some() => {
+                self.segment = self.segment.map(|(tick, ticks)| (tick + 1, ticks.saturating_sub(1)));
+            }
+            (Some(moved), _) => {
+                if let Some((tick, ticks)) = self.segment.take() {
+                    self.trajectory.begin_nodes(moved.nodes, tick, ticks);
+                }
+                self.trajectory.record_at(moved.x, moved.v);
+            }
             (None, PathRecording::Forces) => {
-                let point = servo
-                    .report()
-                    .touch
-                    .filter(|_| deadline_outcome != DeadlineOutcome::Skipped)
-                    .map(|touch| touch.point);
+                let point = servo.report().touch.filter(|_| !is_skipped).map(|touch| touch.point);
                 self.trajectory.record_push(done.report.force, point);
             }
             (None, _) => self.trajectory.record(local.state()),
         }
-        if deadline_outcome != DeadlineOutcome::Skipped {
+        if !is_skipped {
             self.energy.add_tick(local, &done.report, done.tip_before, done.tip, *tick_s);
             if !self.energy.is_finite() {
                 return Err(Fault { tick: done.tick, ..servo.latch(FaultCause::EnergyNotFinite) });
@@ -546,7 +582,7 @@ impl Lockstep {
         let local = servo.local();
         let (tick, ticks) = (tick_in_cycle as usize, ticks as usize);
         match local.moved() {
-            Some(moved) => self.trajectory.begin_at(moved.nodes, moved.x, moved.v, tick, ticks),
+            Some(_) => self.segment = Some((tick, ticks)),
             None => self.trajectory.begin(local.model(), local.state(), tick, ticks),
         }
     }

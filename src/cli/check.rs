@@ -9,6 +9,7 @@ use comfy_table::{Table, presets::UTF8_FULL_CONDENSED};
 use serde::Serialize;
 
 use super::progress::Progress;
+use super::renderer::RendererArguments;
 use super::terminal::{complain, hand_out, say};
 use super::{FAIL, PASS, load, time};
 use crate::output::files::{WriteError, write_json};
@@ -152,7 +153,8 @@ pub fn check(arguments: &CheckArguments) -> miette::Result<u8> {
     let shipped = SHIPPED.iter().map(|shipped| shipped.name.into());
     let scenes = if arguments.scenes.is_empty() { shipped.collect() } else { arguments.scenes.clone() };
     // All scenes are read before the first one runs.
-    let loaded: Vec<Scene> = scenes.iter().map(|scene| load(scene)).collect::<Result<_, SceneError>>()?;
+    let loaded: Vec<Scene> =
+        scenes.iter().map(|scene| load(scene, &RendererArguments::default())).collect::<Result<_, SceneError>>()?;
     let store = match &arguments.baselines {
         Some(folder) => Store::Folder(folder.clone()),
         None if Path::new(IN_CLONE).is_dir() => Store::Folder(IN_CLONE.into()),
@@ -216,7 +218,7 @@ fn accept_results(
     tolerances: &BTreeMap<String, f64>,
     folder: Option<&Path>,
 ) -> miette::Result<u8> {
-    let scene = load(scene)?;
+    let scene = load(scene, &RendererArguments::default())?;
     let folder = match folder {
         Some(folder) => folder,
         None if Path::new(IN_CLONE).is_dir() => Path::new(IN_CLONE),

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use super::renderer::RendererArguments;
 use super::terminal::{hand_out, say, significant};
 use super::{PASS, read};
 use crate::dynamics::integrators::GlobalIntegrator;
@@ -84,8 +85,8 @@ struct CondensationCost {
     factor_multiply_adds: u64,
 }
 
-pub fn explain(scene: &Path) -> miette::Result<u8> {
-    let explanation = explanation(&read(scene)?.0)?;
+pub fn explain(scene: &Path, renderer: &RendererArguments) -> miette::Result<u8> {
+    let explanation = explanation(&renderer.apply(read(scene)?.0))?;
     hand_out(&explanation)?;
     say(text(&explanation))?;
     Ok(PASS)

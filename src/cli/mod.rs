@@ -7,10 +7,13 @@ mod certify;
 mod check;
 mod diagnostic;
 mod explain;
+#[cfg(all(feature = "external", target_os = "linux"))]
+mod external;
 mod interrupt;
 mod manual;
 mod page;
 mod progress;
+mod renderer;
 mod replay;
 mod report;
 mod run;
@@ -27,6 +30,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use miette::Report;
 
+use self::renderer::RendererArguments;
 use self::report::ReportArguments;
 use self::terminal::{Asked, complain, say};
 use crate::output::files::{RunFilesError, WriteError};
@@ -86,6 +90,8 @@ enum Command {
     Explain {
         /// A scene file or the name of a shipped scene
         scene: PathBuf,
+        #[command(flatten)]
+        renderer: RendererArguments,
     },
     /// Judge the stability of a scene along its path, and compare limits with predictions
     #[command(
@@ -105,6 +111,8 @@ enum Command {
         /// Output folder (default: reports/SCENE)
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
+        #[command(flatten)]
+        renderer: RendererArguments,
     },
     /// Compare results with accepted baselines, quantity by quantity
     #[command(after_help = "Writes DIR/check.json with every quantity; the table shows those that fail or improved. \
@@ -148,6 +156,13 @@ enum Command {
     Replay {
         /// A recorded session
         file: PathBuf,
+    },
+    /// Serve a renderer's calls to the program that started this process
+    #[cfg(all(feature = "external", target_os = "linux"))]
+    #[command(hide = true)]
+    ServeRenderer {
+        /// A shared library
+        library: PathBuf,
     },
     /// Print a shell's script for the completion of commands and options
     #[command(
@@ -200,13 +215,15 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let done = match command.unwrap_or_else(|| Command::Report(ReportArguments::default())) {
         Command::Report(arguments) => report::report(&arguments),
         Command::Run(arguments) => run::run(&arguments),
-        Command::Stability { scene, out } => stability::stability(&scene, out),
-        Command::Explain { scene } => explain::explain(&scene),
+        Command::Stability { scene, out, renderer } => stability::stability(&scene, out, &renderer),
+        Command::Explain { scene, renderer } => explain::explain(&scene, &renderer),
         Command::Check(arguments) => check::check(&arguments),
         Command::Accuracy(arguments) => accuracy::accuracy(&arguments),
         #[cfg(all(feature = "realtime", target_os = "linux"))]
         Command::Certify(arguments) => certify::certify(&arguments),
         Command::Replay { file } => replay::replay(&file),
+        #[cfg(all(feature = "external", target_os = "linux"))]
+        Command::ServeRenderer { library } => external::serve(&library),
         Command::Completions { shell } => manual::completions(shell),
         Command::Man { out } => manual::man(out.as_deref()),
     };
@@ -231,10 +248,10 @@ fn option(error: &Report) -> Option<&'static str> {
 }
 
 /// Reads a scene like [`read`] and prints its warnings on standard error.
-fn load(scene: &Path) -> Result<Scene, SceneError> {
+fn load(scene: &Path, renderer: &RendererArguments) -> Result<Scene, SceneError> {
     let (scene, _) = read(scene)?;
     warn(&scene.warnings());
-    Ok(scene)
+    Ok(renderer.apply(scene))
 }
 
 /// Prints warnings on standard error.
@@ -247,10 +264,11 @@ fn warn(warnings: &[Warning]) {
 /// Reads a scene file, or else the shipped scene of that name with its expected end.
 fn read(scene: &Path) -> Result<(Scene, Option<Expectation>), SceneError> {
     let shipped = SHIPPED.iter().find(|shipped| scene.as_os_str() == shipped.name);
-    match shipped {
-        Some(shipped) if !scene.exists() => Ok((Scene::parse(shipped.text, scene)?, Some(shipped.expectation))),
-        _ => Ok((Scene::load(scene)?, None)),
-    }
+    let (scene, expectation) = match shipped {
+        Some(shipped) if !scene.exists() => (Scene::parse(shipped.text, scene)?, Some(shipped.expectation)),
+        _ => (Scene::load(scene)?, None),
+    };
+    Ok((RendererArguments::default().apply(scene), expectation))
 }
 
 /// Takes the output folder: the given one, or one named after the scene. The folder is created before anything is computed,

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::progress::Progress;
+use super::renderer::RendererArguments;
 use super::terminal::{complain, hand_out, say};
 use super::{FAIL, INCONCLUSIVE, PASS, read, table, warn};
 use crate::local::model::Linearization;
@@ -37,10 +38,12 @@ pub struct RunArguments {
     /// Also write network.pvd and instrument.pvd for ParaView, one frame every TICKS ticks (default: 20)
     #[arg(long, value_name = "TICKS", num_args = 0..=1, require_equals = true, default_missing_value = FRAME_TICKS)]
     vtk: Option<NonZeroU64>,
+    #[command(flatten)]
+    renderer: RendererArguments,
 }
 
 pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
-    let (scene, _) = read(&arguments.scene)?;
+    let scene = arguments.renderer.apply(read(&arguments.scene)?.0);
     let out = arguments.out.clone().unwrap_or_else(|| Path::new("reports").join(&scene.name));
     let mut progress = Progress::new(scene.tick_count(), "ticks");
     progress.begin(&scene.name);
@@ -84,6 +87,9 @@ fn runaway_advice(scene: &Scene) -> String {
         return format!("Cause: {warning}");
     }
     let mut ways = Vec::new();
+    if scene.renderer().is_some() {
+        return "The renderer commanded forces that the network does not bear: check their sign and size".to_owned();
+    }
     if scene.local().linearization == Linearization::Tangent(TangentKind::Exact) && !scene.is_full() {
         ways.push("`local.tangent = \"stabilised\"`, as the tangent of compressed springs may be indefinite");
         ways.push("`local.linearization = \"none\"`");
@@ -168,6 +174,7 @@ mod real_time {
         watch: impl FnMut(&TickView),
         finish_frames: impl FnOnce() -> Result<(), WriteError>,
     ) -> miette::Result<(FinishedRun, bool)> {
+        let scene = &scene.clone().with_renderer_in_process();
         let Recorded { session, mut summary, .. } = record(scene, interrupt::flag())?;
         let pass = session.passes.first().ok_or_else(|| miette::miette!("the loop recorded no pass"))?;
         let replayed = Cell::new(false);

@@ -15,6 +15,7 @@ use serde::Serialize;
 
 use super::page::{self, Row};
 use super::progress::Progress;
+use super::renderer::RendererArguments;
 use super::terminal::{hand_out, say, significant};
 use super::{FAIL, INCONCLUSIVE, PASS, folder, load};
 use crate::output::files::{write_file, write_json};
@@ -75,8 +76,8 @@ struct ExtremeEntry {
     as_expected: bool,
 }
 
-pub fn stability(scene: &Path, out: Option<PathBuf>) -> miette::Result<u8> {
-    let scene = load(scene)?;
+pub fn stability(scene: &Path, out: Option<PathBuf>, renderer: &RendererArguments) -> miette::Result<u8> {
+    let scene = load(scene, renderer)?;
     Simulation::prepare(&scene)?;
     let folder = folder(out, &scene, &["stability.json", "index.html"])?;
     let out = folder.path();

@@ -1,6 +1,7 @@
 //! The report of a tick.
 
 use super::law::Mode;
+use super::renderer::Rendered;
 use super::shape::Touch;
 use crate::Vec3;
 
@@ -61,6 +62,12 @@ impl TickReport {
     pub(super) fn touching(mode: Mode, force: Vec3, touch: Touch) -> Self {
         let normal_force = force.dot(&touch.normal);
         Self { mode, force, normal_force, touch: Some(touch), ..Self::free(false) }
+    }
+
+    /// Returns what a renderer's tick would have returned.
+    pub fn rendered(&self) -> Rendered {
+        let contact = self.touch.map(|touch| (touch.point, touch.normal));
+        Rendered { force: self.force, mode: self.mode, contact }
     }
 
     /// Magnitude of the tangential force |f − (f·n̂) n̂|, N; 0 when free.

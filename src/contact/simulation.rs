@@ -2,7 +2,7 @@
 
 use super::collision::{Hits, START_TOLERANCE};
 use super::massless::{ContactEnergy, Held, MasslessMemory};
-use super::renderer::{MovedNodes, RendererFault, RendererModel};
+use super::renderer::{MovedNodes, RendererFault, RendererModel, TickCost};
 use super::rules::{ContactRules, Scheme};
 use super::shape::{Shape, Visited};
 use super::state::{Contact, ContactState};
@@ -155,8 +155,8 @@ impl LocalSimulation {
     /// Puts the model of a custom renderer to use, which goes on from the one before. Returns the old one, so that its
     /// builder can dispose of it.
     pub fn take_over(&mut self, mut renderer: Option<Box<dyn RendererModel>>) -> Option<Box<dyn RendererModel>> {
-        if let (Some(new), Some(old)) = (&mut renderer, &mut self.renderer) {
-            new.take_over(old.as_mut());
+        if let Some(new) = &mut renderer {
+            new.take_over(self.renderer.as_deref_mut());
         }
         std::mem::replace(&mut self.renderer, renderer)
     }
@@ -186,6 +186,11 @@ impl LocalSimulation {
     /// Returns the nodes that a custom renderer has moved.
     pub fn moved(&self) -> Option<MovedNodes<'_>> {
         self.renderer.as_ref().and_then(|renderer| renderer.moved())
+    }
+
+    /// Returns what the last tick of a custom renderer in another process cost there.
+    pub fn renderer_cost(&self) -> Option<TickCost> {
+        self.renderer.as_ref().and_then(|renderer| renderer.own_cost())
     }
 
     /// Reason why a custom renderer cannot go on, if it cannot.

@@ -9,7 +9,7 @@ use super::failsafe::{Bounds, FaultCause};
 use super::messages::{CycleMessage, ModelMessage};
 use super::trajectory::{PathRecording, PrescribedPatch, Pushed, Trajectory};
 use crate::Vec3;
-use crate::contact::renderer::{Body, BodyState, Renderer, RendererFault, RendererModel};
+use crate::contact::renderer::{Body, BodyState, Rendered, Renderer, RendererFault, RendererModel, Setup};
 use crate::contact::rules::RIGID_BELOW;
 use crate::contact::state::{Contact, ContactState};
 use crate::dynamics::constraint::{Constraint, Steps, Threads, Unconstrained};
@@ -80,6 +80,16 @@ impl Constraint for Held<'_> {
     }
 }
 
+/// Takes the place of a custom renderer's first model that could not be built: its first tick is the fault.
+#[derive(Debug, Clone, Copy)]
+struct NoFirstModel(RendererFault);
+
+impl RendererModel for NoFirstModel {
+    fn tick(&mut self, _: Vec3, _: Vec3) -> Result<Rendered, RendererFault> {
+        Err(self.0)
+    }
+}
+
 /// A reason why there is no model for the next cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[non_exhaustive]
@@ -96,7 +106,7 @@ pub enum BuildError {
 ///
 /// ```
 /// use stickslip::{multirate::messages::{CycleMessage, ModelMessage}, multirate::trajectory::{PathRecording, Trajectory}};
-/// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
+/// use stickslip::{Rendered, Vec3, pipeline::Simulation, scene::Scene};
 ///
 /// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
 /// let sides = Simulation::prepare(&scene)?.into_sides();
@@ -111,7 +121,7 @@ pub enum BuildError {
 ///     trajectory.record(local.state());
 ///     tip = next;
 /// }
-/// global.catch_up(&CycleMessage { trajectory, contact: local.contact(), tip })?;
+/// global.catch_up(&CycleMessage { trajectory, contact: local.contact(), tip, rendered: Rendered::FREE })?;
 /// // The network's patch is where the local side left it,
 /// let patch = &local.model().patch;
 /// assert!((0..patch.len()).all(|slot| global.state().x[patch.nodes[slot] as usize] == local.state().x[slot]));
@@ -133,19 +143,38 @@ pub struct GlobalSimulation {
     /// Contact at the start of the current cycle.
     contact: Option<Contact>,
     models_built: u64,
+    /// Number of the tick that follows `state`.
+    tick: u64,
     renderer: Option<Box<dyn Renderer>>,
+    /// Result of that renderer's last tick before `state`.
+    rendered: Rendered,
 }
 
 impl GlobalSimulation {
     /// Creates the global side with the network in its initial state.
     pub fn new(settings: CycleSettings, network: Arc<Network>, builder: LocalModelBuilder, state: State) -> Self {
         let stepper = Stepper::new(&network);
-        Self { settings, network, builder, state, stepper, contact: None, models_built: 0, renderer: None }
+        Self {
+            settings,
+            network,
+            builder,
+            state,
+            stepper,
+            contact: None,
+            models_built: 0,
+            tick: 0,
+            renderer: None,
+            rendered: Rendered::FREE,
+        }
     }
 
     /// Uses a custom renderer in place of the local model.
-    pub fn with_renderer(self, renderer: Box<dyn Renderer>) -> Self {
-        Self { builder: self.builder.without_patch(), renderer: Some(renderer), ..self }
+    ///
+    /// # Errors
+    /// If the renderer does not take the body or the setup.
+    pub fn with_renderer(self, mut renderer: Box<dyn Renderer>, setup: &Setup) -> Result<Self, RendererFault> {
+        renderer.create(Body { network: &self.network, surface: self.builder.surface() }, setup)?;
+        Ok(Self { builder: self.builder.without_patch(), renderer: Some(renderer), ..self })
     }
 
     /// Returns the network's state at the last boundary.
@@ -175,14 +204,18 @@ impl GlobalSimulation {
         if self.renderer.is_some() {
             message.trajectory.patches().try_for_each(|nodes| self.check_moved(nodes))?;
         }
+        let completed = message.trajectory.with_starts(&self.state);
+        let trajectory = completed.as_ref().unwrap_or(&message.trajectory);
         match self.settings.sync {
-            SyncMode::Replay => self.replay(&message.trajectory),
-            SyncMode::Overwrite => self.overwrite(&message.trajectory),
+            SyncMode::Replay => self.replay(trajectory),
+            SyncMode::Overwrite => self.overwrite(trajectory),
         }
         if let Some(error) = self.stepper.failure() {
             return Err(ModelError::NotSolved(error).into());
         }
         self.contact = message.contact;
+        self.rendered = message.rendered;
+        self.tick += u64::from(self.settings.ticks_per_cycle);
         Ok(())
     }
 
@@ -204,11 +237,12 @@ impl GlobalSimulation {
     fn build_rendered(&mut self, tip: Vec3) -> Result<Option<Box<dyn RendererModel>>, BuildError> {
         let Some(renderer) = &mut self.renderer else { return Ok(None) };
         let body = Body { network: &self.network, surface: self.builder.surface() };
-        let contact = self.contact.map(|contact| contact.point);
-        let state = BodyState { x: &self.state.x, v: &self.state.v, tip, contact };
-        let model = renderer.build(body, state)?;
-        self.check_moved(model.moved().map_or(&[][..], |moved| moved.nodes))?;
-        Ok(Some(model))
+        let state = BodyState { tick: self.tick, x: &self.state.x, v: &self.state.v, tip, last: self.rendered };
+        match renderer.build(body, state) {
+            // The scene can start: the fault belongs to the run, as that of any later model does.
+            Err(fault) if self.models_built == 1 => Ok(Some(Box::new(NoFirstModel(fault)))),
+            model => Ok(Some(model?)),
+        }
     }
 
     /// Refuses nodes of a custom renderer that do not exist or never move.

@@ -2,7 +2,7 @@
 
 use super::trajectory::Trajectory;
 use crate::Vec3;
-use crate::contact::renderer::RendererModel;
+use crate::contact::renderer::{Rendered, RendererModel};
 use crate::contact::state::Contact;
 use crate::local::model::{LocalModel, LocalState};
 
@@ -15,6 +15,8 @@ pub struct CycleMessage {
     pub contact: Option<Contact>,
     /// Tip position at the boundary, m.
     pub tip: Vec3,
+    /// Result of the last tick before the boundary, for a custom renderer.
+    pub rendered: Rendered,
 }
 
 /// Message of the global side at a cycle boundary, or some ticks later.

@@ -10,7 +10,7 @@ use crate::surface::geometry::{ContactPoint, SurfaceModel};
 ///
 /// ```
 /// use stickslip::{multirate::messages::CycleMessage, multirate::trajectory::{PathRecording, Trajectory}};
-/// use stickslip::{Vec3, pipeline::Simulation, scene::Scene};
+/// use stickslip::{Rendered, Vec3, pipeline::Simulation, scene::Scene};
 ///
 /// let scene = Scene::shipped("fig4-sticking").expect("shipped with the program");
 /// let mut global = Simulation::prepare(&scene)?.into_sides().global.into_simulation();
@@ -22,7 +22,7 @@ use crate::surface::geometry::{ContactPoint, SurfaceModel};
 /// for tick in 1..=100 {
 ///     trajectory.record_at(&[start + speed * (f64::from(tick) * scene.tick_s())], &[speed]);
 /// }
-/// global.catch_up(&CycleMessage { trajectory, contact: None, tip: start })?;
+/// global.catch_up(&CycleMessage { trajectory, contact: None, tip: start, rendered: Rendered::FREE })?;
 /// let x = &global.state().x;
 /// assert!((x[node as usize].z - (start.z - 0.001)).abs() < 1e-15);
 /// assert!(x[node as usize + 1].z < start.z); // its neighbours were pulled along
@@ -62,6 +62,19 @@ struct Segment {
     /// State at the start of the first tick, then at the end of each tick: m values each.
     x: Vec<Vec3>,
     v: Vec<Vec3>,
+    /// Whether the state at the start of the first tick is the network's, which was not at hand.
+    starts_from_network: bool,
+}
+
+impl Segment {
+    /// Sets the nodes to their final state.
+    fn finish(&self, state: &mut State) {
+        let last = self.x.len() - self.nodes.len();
+        for (i, &node) in self.nodes.iter().enumerate() {
+            state.x[node as usize] = self.x[last + i];
+            state.v[node as usize] = self.v[last + i];
+        }
+    }
 }
 
 impl Trajectory {
@@ -82,11 +95,35 @@ impl Trajectory {
         self.begin_at(&model.patch.nodes, &state.x[..m], &state.v[..m], tick, ticks);
     }
 
+    /// Begins a segment with the nodes of a custom renderer, as [`begin`](Self::begin) does. Where they start is known to
+    /// the global side alone: [`with_starts`](Self::with_starts) adds it.
+    pub fn begin_nodes(&mut self, nodes: &[u32], tick: usize, ticks: usize) {
+        let unknown = vec![Vec3::zeros(); nodes.len()];
+        self.begin_at(nodes, &unknown, &unknown, tick, ticks);
+        self.segments.iter_mut().rev().take(1).for_each(|segment| segment.starts_from_network = true);
+    }
+
+    /// Returns the path with all starts: a node goes on from where the segment before has left it, or from the network's
+    /// state at the start of the cycle if it enters. `None` if all starts were recorded.
+    pub fn with_starts(&self, state: &State) -> Option<Self> {
+        if !self.segments.iter().any(|segment| segment.starts_from_network) {
+            return None;
+        }
+        let mut path = self.clone();
+        let mut now = state.clone();
+        for segment in &mut path.segments {
+            if segment.starts_from_network {
+                for (i, &node) in segment.nodes.iter().enumerate() {
+                    (segment.x[i], segment.v[i]) = (now.x[node as usize], now.v[node as usize]);
+                }
+            }
+            segment.finish(&mut now);
+        }
+        Some(path)
+    }
+
     /// Begins a segment with given positions and velocities of the patch nodes, as [`begin`](Self::begin) does.
     pub fn begin_at(&mut self, nodes: &[u32], x: &[Vec3], v: &[Vec3], tick: usize, ticks: usize) {
-        // A custom renderer may give slices of unequal lengths; its next tick is a fault then.
-        let is_complete = nodes.len() == x.len() && x.len() == v.len();
-        let (nodes, x, v) = if is_complete { (nodes, x, v) } else { (&[][..], &[][..], &[][..]) };
         let samples = match self.recording {
             PathRecording::EveryTick => ticks + 1,
             PathRecording::LastTick | PathRecording::Forces => 1,
@@ -99,7 +136,13 @@ impl Trajectory {
             all.extend_from_slice(values);
             all
         };
-        self.segments.push(Segment { nodes: nodes.to_vec(), first_tick: tick, x: start(x), v: start(v) });
+        self.segments.push(Segment {
+            nodes: nodes.to_vec(),
+            first_tick: tick,
+            x: start(x),
+            v: start(v),
+            starts_from_network: false,
+        });
     }
 
     /// Records the state at the end of a tick. Allocates nothing.
@@ -160,12 +203,7 @@ impl Trajectory {
 
     /// Sets the nodes of the patch last in use to their final state.
     pub(super) fn finish(&self, state: &mut State) {
-        let Some(segment) = self.segments.last() else { return };
-        let last = segment.x.len() - segment.nodes.len();
-        for (i, &node) in segment.nodes.iter().enumerate() {
-            state.x[node as usize] = segment.x[last + i];
-            state.v[node as usize] = segment.v[last + i];
-        }
+        self.segments.iter().rev().take(1).for_each(|segment| segment.finish(state));
     }
 }
 

@@ -1,6 +1,7 @@
 //! `summary.json`: the quantities of a run.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 use serde::Serialize;
 
@@ -240,6 +241,9 @@ pub struct Summary {
     pub warnings: Vec<Warning>,
     /// Parts of the pipeline that the scene does not need.
     pub left_out: Vec<String>,
+    /// Library of the renderer that took the local model's place; absent without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub renderer: Option<PathBuf>,
     /// Number of ticks, each a row of the trace.
     pub ticks: u64,
     /// Number of ticks in each mode.
@@ -379,6 +383,7 @@ impl Recorder {
             fault: fault.map(ToString::to_string),
             verdict: RunVerdict::nothing(),
             warnings: Vec::new(),
+            renderer: scene.renderer().map(|library| library.path().to_owned()),
             left_out: scene.parts().iter().filter(|part| !part.needed).map(|part| part.to_string()).collect(),
             ticks: samples.len() as u64,
             mode_ticks,

@@ -79,7 +79,8 @@ pub fn before_run(scene: &Scene, simulation: &Simulation, steps: &TimeSteps) -> 
 /// Warns of a tip that leaves the patch within a cycle.
 fn patch_speed(scene: &Scene, simulation: &Simulation) -> Option<Warning> {
     let patch = &simulation.local().model().patch;
-    if patch.len() >= simulation.network().fixed.iter().filter(|&&fixed| !fixed).count() {
+    let is_rendered_by_another = simulation.local().is_rendered_by_another();
+    if is_rendered_by_another || patch.len() >= simulation.network().fixed.iter().filter(|&&fixed| !fixed).count() {
         return None;
     }
     // Distance at rest from the centre of the patch to its furthest surface node.

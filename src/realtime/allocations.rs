@@ -30,7 +30,9 @@ static COUNTS: AtomicBool = AtomicBool::new(false);
 #[derive(Debug, Default)]
 pub struct Counting;
 
-fn count() {
+/// Counts a call of the allocator by this thread.
+#[inline]
+pub fn count() {
     CALLS.with(|calls| calls.set(calls.get() + 1));
     COUNTS.store(true, Ordering::Relaxed);
 }
@@ -58,7 +60,7 @@ unsafe impl GlobalAlloc for Counting {
     }
 }
 
-/// Returns the number of allocator calls by this thread so far, freeing included; `None` without [`Counting`].
+/// Returns the number of allocator calls by this thread so far, freeing included; `None` if nothing counts them.
 pub fn on_this_thread() -> Option<u64> {
     COUNTS.load(Ordering::Relaxed).then(|| CALLS.with(Cell::get))
 }

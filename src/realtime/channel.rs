@@ -9,6 +9,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use triple_buffer::{Input, Output, TripleBuffer};
 
 use crate::Vec3;
+use crate::contact::renderer::Rendered;
 use crate::contact::state::Contact;
 use crate::multirate::failsafe::FaultCause;
 use crate::multirate::messages::{CycleMessage, ModelMessage};
@@ -21,6 +22,8 @@ const RING_S: f64 = 0.5;
 const RING_TICKS: [f64; 2] = [64.0, 4096.0];
 /// Largest number of nodes of a later patch, as a multiple of the first patch's.
 const PATCH_GROWTH: usize = 4;
+/// Largest number of vectors in the ring for a custom renderer, which may move every node: 64 MiB.
+const MOST_VALUES: usize = (64 << 20) / size_of::<Vec3>();
 
 /// A message of the global thread: a model, or the cause why there is none.
 #[derive(Debug, Default)]
@@ -42,8 +45,12 @@ struct Note {
     /// Boundary that the model in use was built from; it identifies the patch's nodes.
     from: u64,
     m: u32,
+    /// Number of nodes that precede this note in a ring of their own: those of a custom renderer.
+    nodes: Option<u32>,
     contact: Option<Contact>,
     tip: Vec3,
+    /// Result of the last computed tick.
+    rendered: Rendered,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,16 +59,22 @@ enum Kind {
     Begin,
     /// A tick has been completed.
     Tick,
+    /// A tick has been skipped.
+    Skipped,
 }
 
 /// The servo thread's end of the channel.
 pub struct ServoEnd {
     notes: Producer<Note>,
     values: Producer<Vec3>,
+    /// The nodes of a custom renderer, which only its ticks tell.
+    nodes: Producer<u32>,
     models: Output<Slot>,
     pass: u32,
     /// Boundary that the model in use was built from.
     from: u64,
+    /// Whether a segment begins with the next tick of a custom renderer, which only then has moved nodes.
+    is_segment_due: bool,
     is_open: bool,
     /// Number of notes lost because the ring was full.
     lost: u64,
@@ -78,6 +91,8 @@ pub struct ChannelSettings {
     pub pass_ticks: u64,
     /// The part of the patch's path that is sent; without it, the servo thread sends nothing.
     pub recording: Option<PathRecording>,
+    /// Number of the body's nodes that a custom renderer may move; 0 without one.
+    pub rendered_nodes: usize,
 }
 
 impl ChannelSettings {
@@ -107,6 +122,7 @@ type NodesInUse = Arc<Mutex<VecDeque<(u32, u64, Vec<u32>)>>>;
 pub struct Intake {
     notes: Consumer<Note>,
     values: Consumer<Vec3>,
+    moved_nodes: Consumer<u32>,
     settings: ChannelSettings,
     recording: PathRecording,
     pass: u32,
@@ -115,6 +131,7 @@ pub struct Intake {
     trajectory: Trajectory,
     x: Vec<Vec3>,
     v: Vec<Vec3>,
+    moved: Vec<u32>,
 }
 
 /// The end of the channel that sends models.
@@ -135,7 +152,7 @@ pub struct ModelSender {
 /// let simulation = Simulation::prepare(&scene)?;
 /// let recording = simulation.recording();
 /// let Sides { mut servo, mut global } = simulation.into_sides();
-/// let settings = ChannelSettings { tick_s: 1e-3, ticks_per_cycle: 100, pass_ticks: 1200, recording };
+/// let settings = ChannelSettings { tick_s: 1e-3, ticks_per_cycle: 100, pass_ticks: 1200, recording, rendered_nodes: 0 };
 /// assert_eq!(settings.ring_ticks(), 500);
 /// let (mut servo_end, mut intake, mut sender) = channel(settings, &servo.local().model().patch.nodes);
 ///
@@ -160,14 +177,20 @@ pub fn channel(settings: ChannelSettings, first_nodes: &[u32]) -> (ServoEnd, Int
     let ring_ticks = settings.ring_ticks();
     // Every tick may also begin a segment.
     let (notes_up, notes) = RingBuffer::new(2 * ring_ticks);
-    let (values_up, values) = RingBuffer::new(ring_ticks * 2 * PATCH_GROWTH * first_nodes.len());
+    let rendered = settings.rendered_nodes;
+    // Of a renderer that moves all of a large body, two ticks at least.
+    let of_renderer = (ring_ticks * 2 * rendered).min(MOST_VALUES.max(4 * rendered));
+    let (values_up, values) = RingBuffer::new((ring_ticks * 2 * PATCH_GROWTH * first_nodes.len()).max(of_renderer));
+    let (nodes_up, moved_nodes) = RingBuffer::new(4 * rendered);
     let (models, models_down) = TripleBuffer::default().split();
     let servo = ServoEnd {
         notes: notes_up,
         values: values_up,
+        nodes: nodes_up,
         models: models_down,
         pass: 0,
         from: 0,
+        is_segment_due: false,
         is_open: settings.recording.is_some(),
         lost: 0,
     };
@@ -176,6 +199,7 @@ pub fn channel(settings: ChannelSettings, first_nodes: &[u32]) -> (ServoEnd, Int
     let mut intake = Intake {
         notes,
         values,
+        moved_nodes,
         settings,
         recording,
         pass: 0,
@@ -184,6 +208,7 @@ pub fn channel(settings: ChannelSettings, first_nodes: &[u32]) -> (ServoEnd, Int
         trajectory: Trajectory::new(recording),
         x: Vec::new(),
         v: Vec::new(),
+        moved: Vec::new(),
     };
     intake.begin_pass(0);
     (servo, intake, ModelSender { models, nodes })
@@ -230,6 +255,11 @@ impl ServoEnd {
         self.note(Kind::Tick, servo, servo.next_tick() - 1);
     }
 
+    /// Sends the end of a tick that was skipped.
+    pub fn skip_tick(&mut self, servo: &Servo) {
+        self.note(Kind::Skipped, servo, servo.next_tick() - 1);
+    }
+
     /// Returns the number of notes lost because the ring was full: the thread that empties it did not run for half a
     /// second. The path that the global side received is then incomplete.
     pub fn lost(&self) -> u64 {
@@ -241,25 +271,54 @@ impl ServoEnd {
             return;
         }
         let local = servo.local();
-        let (m, state) = (local.model().patch.len(), local.state());
-        let note = Note {
+        let Some(moved) = local.moved() else {
+            let (m, state) = (local.model().patch.len(), local.state());
+            let values = state.x[..m].iter().chain(&state.v[..m]).copied();
+            return self.send(self.note_of(kind, servo, tick, m), &[], values);
+        };
+        let m = moved.nodes.len();
+        let values = || moved.x.iter().chain(moved.v).copied();
+        match kind {
+            Kind::Begin => self.is_segment_due = true,
+            Kind::Tick if self.is_segment_due => {
+                self.is_segment_due = false;
+                let begin = Note { nodes: Some(m as u32), ..self.note_of(Kind::Begin, servo, tick, 0) };
+                self.send(begin, moved.nodes, [].into_iter());
+                self.send(self.note_of(kind, servo, tick, m), &[], values());
+            }
+            // There is no segment yet that it could belong to.
+            Kind::Skipped if self.is_segment_due => self.send(self.note_of(kind, servo, tick, 0), &[], [].into_iter()),
+            Kind::Tick | Kind::Skipped => self.send(self.note_of(kind, servo, tick, m), &[], values()),
+        }
+    }
+
+    fn note_of(&self, kind: Kind, servo: &Servo, tick: u64, m: usize) -> Note {
+        Note {
             pass: self.pass,
             tick,
             kind,
             from: self.from,
             m: m as u32,
-            contact: local.contact(),
+            nodes: None,
+            contact: servo.local().contact(),
             tip: servo.tip(),
-        };
-        // Values first: a reader of the note finds them complete.
-        if self.values.slots() < 2 * m || self.notes.is_full() {
-            self.lost += 1;
-            return;
+            rendered: servo.report().rendered(),
         }
-        let sent = self.values.push_entire_slice(&state.x[..m]).is_ok()
-            && self.values.push_entire_slice(&state.v[..m]).is_ok()
-            && self.notes.push(note).is_ok();
-        self.lost += u64::from(!sent);
+    }
+
+    /// Sends a note with its m nodes, if it brings them, and its 2m values. Allocates nothing.
+    fn send(&mut self, note: Note, nodes: &[u32], values: impl Iterator<Item = Vec3>) {
+        let sent = (|| {
+            // Nodes and values first: a reader of the note finds them complete.
+            let (room, room_for_nodes) = (2 * note.m as usize, self.nodes.slots() >= nodes.len());
+            if !room_for_nodes || self.notes.is_full() {
+                return None;
+            }
+            self.values.write_chunk_uninit(room).ok()?.fill_from_iter(values);
+            self.nodes.push_entire_slice(nodes).ok()?;
+            self.notes.push(note).ok()
+        })();
+        self.lost += u64::from(sent.is_none());
     }
 }
 
@@ -280,6 +339,11 @@ impl Intake {
                 self.begin_pass(note.pass);
             }
             self.take_values(note.m as usize);
+            if let Some(count) = note.nodes {
+                self.moved.resize(count as usize, 0);
+                let complete = self.moved_nodes.pop_entire_slice(&mut self.moved).is_ok();
+                debug_assert!(complete, "a note without its nodes");
+            }
             let tick_in_cycle = note.tick % ticks_per_cycle;
             match note.kind {
                 Kind::Begin => {
@@ -289,14 +353,30 @@ impl Intake {
                     while nodes.front().is_some_and(|(pass, from, _)| (*pass, *from) < (note.pass, note.from)) {
                         nodes.pop_front();
                     }
-                    let nodes = nodes.front().map_or(&[][..], |(_, _, nodes)| nodes);
-                    self.trajectory.begin_at(nodes, &self.x, &self.v, tick_in_cycle as usize, ticks as usize);
+                    let (first, ticks) = (tick_in_cycle as usize, ticks as usize);
+                    match note.nodes {
+                        Some(_) => self.trajectory.begin_nodes(&self.moved, first, ticks),
+                        None => {
+                            let nodes = nodes.front().map_or(&[][..], |(_, _, nodes)| nodes);
+                            self.trajectory.begin_at(nodes, &self.x, &self.v, first, ticks);
+                        }
+                    }
                 }
-                Kind::Tick => {
-                    self.trajectory.record_at(&self.x, &self.v);
+                Kind::Tick | Kind::Skipped => {
+                    let Rendered { force, contact, .. } = note.rendered;
+                    match self.recording {
+                        PathRecording::Forces => {
+                            let point = contact.filter(|_| note.kind == Kind::Tick).map(|(point, _)| point);
+                            self.trajectory.record_push(force, point);
+                        }
+                        PathRecording::EveryTick | PathRecording::LastTick => {
+                            self.trajectory.record_at(&self.x, &self.v);
+                        }
+                    }
                     if tick_in_cycle + 1 == ticks_per_cycle {
                         let trajectory = std::mem::replace(&mut self.trajectory, Trajectory::new(self.recording));
-                        let message = CycleMessage { trajectory, contact: note.contact, tip: note.tip };
+                        let (contact, tip, rendered) = (note.contact, note.tip, note.rendered);
+                        let message = CycleMessage { trajectory, contact, tip, rendered };
                         return Some(PastCycle { pass: note.pass, boundary: note.tick + 1, message });
                     }
                 }

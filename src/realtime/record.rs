@@ -149,7 +149,8 @@ pub enum RecordError {
 /// ```
 pub fn record(scene: &Scene, stop: &AtomicBool) -> Result<Recorded, RecordError> {
     let simulation = Simulation::prepare(scene)?;
-    let warm_up = simulation.clone().into_sides().servo;
+    // A copy would do, but a renderer in a library has none.
+    let warm_up = Simulation::prepare(scene)?.into_sides().servo;
     let settings = loop_settings(scene, &simulation, false);
     let pass = Pass::new(simulation, scene.tick_count(), true);
     let mut served = serve([pass], scene.tick_count(), warm_up, settings, stop)?;

@@ -100,6 +100,12 @@ impl Pass {
         self.ticks
     }
 
+    /// Returns the number of nodes that a custom renderer may move; 0 without one.
+    fn rendered_nodes(&self) -> usize {
+        let global = self.global.as_ref().filter(|_| self.servo.local().is_rendered_by_another());
+        global.map_or(0, |global| global.simulation().state().x.len())
+    }
+
     /// Takes the global side out, for the thread that it runs on; `None` without cycles.
     pub(super) fn take_global(&mut self) -> Option<GlobalSide> {
         self.global.take()
@@ -227,9 +233,6 @@ pub enum NotServed {
     /// No pass was given.
     #[error("there is no pass to run in real time")]
     NoPass,
-    /// A custom renderer runs in lockstep only.
-    #[error("a custom renderer runs in lockstep, not in real time")]
-    OwnRenderer,
     /// A thread of the loop panicked.
     #[error("a thread of the loop panicked")]
     #[diagnostic(help("this is a defect of the program: please report it, with the scene"))]
@@ -241,7 +244,7 @@ pub enum NotServed {
 /// thread is pinned to the last of the CPUs that this thread may use; `stop` ends the loop at the next tick.
 ///
 /// # Errors
-/// If there is no pass, a renderer is custom, or a thread panicked.
+/// If there is no pass, or a thread panicked.
 ///
 /// ```
 /// use std::sync::atomic::AtomicBool;
@@ -270,13 +273,11 @@ pub fn serve(
 ) -> Result<Served, NotServed> {
     let mut passes = passes.into_iter();
     let mut first = passes.next().ok_or(NotServed::NoPass)?;
-    if first.servo.local().is_rendered_by_another() {
-        return Err(NotServed::OwnRenderer);
-    }
     let LoopSettings { tick_s, ticks_per_cycle, recording, deadline, .. } = settings;
     let mut refused = Vec::new();
     let mut meter = Meter::new(ticks, nanoseconds(deadline.after));
-    let path = ChannelSettings { tick_s, ticks_per_cycle, pass_ticks: first.ticks, recording };
+    let rendered_nodes = first.rendered_nodes();
+    let path = ChannelSettings { tick_s, ticks_per_cycle, pass_ticks: first.ticks, recording, rendered_nodes };
     let (servo_end, intake, sender) = channel(path, &first.servo.local().model().patch.nodes);
     let global = GlobalTimes::new(ticks_per_cycle, nanoseconds(ticks_per_cycle as f64 * tick_s));
     let (to_global, from_all) = mpsc::channel();
@@ -527,7 +528,7 @@ fn skip(pass: &mut Pass, end: &mut ServoEnd, ticks_per_cycle: u64) -> Result<(),
         end.begin_segment(&pass.servo);
     }
     let done = pass.servo.skip()?;
-    end.end_tick(&pass.servo);
+    end.skip_tick(&pass.servo);
     pass.end_tick(&done);
     Ok(())
 }

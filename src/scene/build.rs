@@ -12,6 +12,7 @@ use crate::device::path::TipPath;
 use crate::device::phantom::TipSensing;
 use crate::device::phantom::actuation::ActuationSettings;
 use crate::dynamics::constraint::Threads;
+use crate::external::RendererLibrary;
 use crate::local::model::LocalSettings;
 use crate::local::step::LocalIntegrator;
 use crate::model::network::Material;
@@ -91,6 +92,7 @@ impl Scene {
             path,
             is_full: false,
             local: LocalSettings::default(),
+            renderer: None,
             source: None,
         };
         check::mesh(&scene).map_err(refused)?;
@@ -161,7 +163,7 @@ impl Scene {
 
     /// Sets the local model beside the network.
     pub fn with_local_model(self, local: LocalSettings) -> Self {
-        Self { local, is_full: false, ..self }
+        Self { local, is_full: false, renderer: None, ..self }
     }
 
     /// Sets the reference: the whole network at the local rate. This disables what it has no use for: a solver of the
@@ -169,7 +171,19 @@ impl Scene {
     pub fn with_full_model(mut self) -> Self {
         self.global.threads = Threads::One;
         let integrator = LocalIntegrator::SemiImplicitEuler;
-        Self { local: LocalSettings::FULL, is_full: true, integrator, smoothing_ticks: 0, ..self }
+        Self { local: LocalSettings::FULL, is_full: true, renderer: None, integrator, smoothing_ticks: 0, ..self }
+    }
+
+    /// Sets the renderer of a library in place of the local model, the contact scheme and the contact law, which are
+    /// then not used.
+    pub fn with_renderer(self, renderer: RendererLibrary) -> Self {
+        let local = if self.is_full { LocalSettings::default() } else { self.local };
+        Self { renderer: Some(renderer), is_full: false, local, ..self }
+    }
+
+    /// Runs the renderer of a library in this process, if the scene has one: real time has no use for a process beside it.
+    pub fn with_renderer_in_process(self) -> Self {
+        Self { renderer: self.renderer.map(RendererLibrary::in_process), ..self }
     }
 
     /// Sets the integrator of the local model. All but semi-implicit Euler need a tangent, and contact by

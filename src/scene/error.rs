@@ -12,6 +12,7 @@ use super::place::place;
 use crate::device::coupled::InstrumentError;
 use crate::device::path::PathError;
 use crate::dynamics::settle::SettleError;
+use crate::external::LibraryError;
 use crate::local::error::ModelError;
 use crate::mesh_file::{MeshFileError, MeshProblem};
 use crate::model::material::MaterialError;
@@ -23,6 +24,9 @@ use crate::surface::disc::DiscError;
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Problem {
+    /// The library of an external renderer cannot be used.
+    #[error(transparent)]
+    Library(#[from] LibraryError),
     /// A custom part does not fit the scene.
     #[error("{0}")]
     OwnPart(String),
@@ -178,6 +182,7 @@ impl Problem {
                 MeshProblem::Folds { .. } => Some("mesh.layer_depth"),
                 _ => Some("mesh.path"),
             },
+            Problem::Library(_) => Some("local.library"),
             Problem::TipInside { .. } => Some("instrument"),
             Problem::Settle(_) => Some("settle"),
             Problem::Disc(_) => Some("contact.radius"),
@@ -204,6 +209,13 @@ impl Problem {
                 return Some(format!(
                     "give {needs}, or `local.integrator = \"semi-implicit-euler\"`, which takes every model"
                 ));
+            }
+            Problem::Library(LibraryError::NotBuiltIn { .. }) => return None,
+            Problem::Library(LibraryError::NotLoaded { .. } | LibraryError::NoHost { .. }) => {
+                "give the path of a shared library for this machine that was linked with everything it needs"
+            }
+            Problem::Library(_) => {
+                "compile the library against `reference/include/stickslip_renderer.h`, with C linkage"
             }
             Problem::MeshFile(error) => return Some(error.problem().advice().to_string()),
             Problem::TooLarge { .. } => "give fewer nodes (at most 2³² − 2), fewer rings or a shorter duration",

@@ -115,6 +115,8 @@ pub struct LocalTable {
     pub condense_rings: Option<Rings>,
     pub far_field: Option<FarField>,
     pub integrator: Option<LocalIntegrator>,
+    pub library: Option<String>,
+    pub options: Option<String>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -160,6 +160,13 @@ const KEYS: &[(&str, Accepts)] = &[
             "; all but the first only with `linearization = \"tangent\"` and `contact.scheme = \"velocity\"` or `\"massless\"`"
         ),
     ),
+    (
+        "local.library",
+        Text(
+            "a shared library with a renderer, relative to the scene; required with `model = \"external\"`, only allowed there",
+        ),
+    ),
+    ("local.options", Text("a text that the renderer interprets (default empty); only with `model = \"external\"`")),
     ("contact", Text("a table with `law`")),
     ("contact.law", Words(&LawName::NAMES, || None, "")),
     (

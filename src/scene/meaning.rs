@@ -7,7 +7,7 @@ use toml::{Table, Value};
 use super::Scene;
 
 /// Keys whose values are paths of files, relative to the scene's folder.
-const FILES: [[&str; 2]; 2] = [["mesh", "path"], ["instrument", "file"]];
+const FILES: [[&str; 2]; 3] = [["mesh", "path"], ["instrument", "file"], ["local", "library"]];
 
 /// Magnitude up to which every whole number is exactly a float.
 const WHOLE: f64 = 9_007_199_254_740_992.0;

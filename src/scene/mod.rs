@@ -36,6 +36,7 @@ use crate::device::instrument::InstrumentKind;
 use crate::device::path::TipPath;
 use crate::dynamics::constraint::Threads;
 use crate::dynamics::integrators::GlobalIntegrator;
+use crate::external::RendererLibrary;
 use crate::local::model::LocalSettings;
 use crate::local::step::LocalIntegrator;
 use crate::model::network::Material;
@@ -107,6 +108,8 @@ pub struct Scene {
     /// Whether `local.model = "full"`; `local` is then [`LocalSettings::FULL`].
     is_full: bool,
     local: LocalSettings,
+    /// A renderer in a library, in place of the local model, scheme and law.
+    renderer: Option<RendererLibrary>,
     /// The text that the scene was read from, for errors that only show when the simulation is prepared.
     source: Option<NamedSource<String>>,
 }
@@ -249,6 +252,20 @@ impl Scene {
     /// Returns whether the whole network runs at the local rate, without cycles or local models.
     pub fn is_full(&self) -> bool {
         self.is_full
+    }
+
+    /// Returns the library whose renderer takes the place of local model, contact scheme and law, if there is one.
+    pub fn renderer(&self) -> Option<&RendererLibrary> {
+        self.renderer.as_ref()
+    }
+
+    /// Returns the word of `local.model` for this scene.
+    pub fn model_name(&self) -> LocalModelName {
+        match &self.renderer {
+            Some(_) => LocalModelName::External,
+            None if self.is_full => LocalModelName::Full,
+            None => LocalModelName::Patch,
+        }
     }
 
     /// Estimates the memory of a run, bytes: network, local model, factors, and what is recorded of its ticks.

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::words::{All, ExteriorName, InstrumentName, LawName, LinearizationName, LocalModelName, SchemeName};
+use super::words::{All, ExteriorName, InstrumentName, LawName, LinearizationName, SchemeName};
 use super::{Scene, Schedule};
 use crate::Vec3;
 use crate::contact::law::Law;
@@ -44,8 +44,7 @@ impl Scene {
         let is = |key: &str, word: &str| format!("{key} = {word:?}");
         let local = self.local();
         let law_is = is("contact.law", LawName::of(self.contact.law).map_or("own", LawName::name));
-        let model = if self.is_full() { LocalModelName::Full } else { LocalModelName::Patch };
-        let model_is = is("local.model", model.name());
+        let model_is = is("local.model", self.model_name().name());
         let linearization_is = is("local.linearization", LinearizationName::from(local.linearization).name());
         let exterior_is = is("local.exterior", ExteriorName::from(local.exterior).name());
         let drifts = local.exterior == ExteriorKind::Drifting;
@@ -80,7 +79,7 @@ impl Scene {
         };
         let is_controlled = device.is_some_and(|device| device.passivity_control);
         let material = &self.material;
-        vec![
+        let mut parts = vec![
             part(
                 "gravity",
                 material.gravity != Vec3::zeros(),
@@ -123,7 +122,7 @@ impl Scene {
                 self.integrator != LocalIntegrator::SemiImplicitEuler,
                 is("local.integrator", self.integrator.name()),
             ),
-            part("exterior at rest or moving", !takes_all, if self.is_full() { model_is } else { rings_is }),
+            part("exterior at rest or moving", !takes_all, if self.is_full() { model_is.clone() } else { rings_is }),
             part("exterior drift", drifts && !takes_all, exterior_is.clone()),
             part("condensation (sparse factorisation)", condenses && !takes_all, exterior_is),
             part("coarse far field", coarsens && !takes_all, far_field_is),
@@ -165,6 +164,38 @@ impl Scene {
                 }),
             ),
             part("passivity control", is_controlled, format!("instrument.passivity_control = {is_controlled}")),
-        ]
+        ];
+        // A renderer in a library has its own local model and scheme.
+        if let Some(library) = self.renderer() {
+            let of_local = [
+                "sticking operator P",
+                "sliding operator Q",
+                "mass metric",
+                "deformation of the mesh to the tip",
+                "rewind to the time of collision",
+                "linearisation (K, D)",
+                "solution of the linear model over a tick (A⁻¹)",
+                "exterior at rest or moving",
+                "exterior drift",
+                "condensation (sparse factorisation)",
+                "coarse far field",
+            ];
+            parts.retain(|part| !of_local.contains(&part.name));
+            let keys = [
+                "local.rings",
+                "local.linearization",
+                "local.exterior",
+                "local.tangent",
+                "local.condense_rings",
+                "local.far_field",
+                "local.integrator",
+                "contact.scheme",
+                "contact.metric",
+                "contact.deformation",
+            ];
+            parts.extend(keys.map(|key| part(key, false, model_is.clone())));
+            parts.push(part("renderer of a library", true, format!("local.library = {:?}", library.path())));
+        }
+        parts
     }
 }

@@ -23,6 +23,7 @@ use super::{DEFAULT_GLOBAL_RATE_HZ, DEFAULT_LOCAL_RATE_HZ, Scene, Schedule, chec
 use crate::contact::law::{Friction, Law};
 use crate::contact::rules::{ContactRules, Scheme, Wall};
 use crate::dynamics::integrators::GlobalIntegrator;
+use crate::local::step::LocalIntegrator;
 
 type Read<T = ()> = Result<T, Problem>;
 
@@ -73,7 +74,10 @@ fn assemble(file: SceneFile, folder: &Path) -> Read<Scene> {
     let tick_count = whole_ticks("duration", check::positive("duration", file.duration)?, local_rate_hz)?;
     let is_full = file.local.model == LocalModelName::Full;
     let local = local::local(&file.local)?;
-    let integrator = file.local.integrator.unwrap_or_default();
+    let integrator = match file.local.model {
+        LocalModelName::External => LocalIntegrator::default(),
+        LocalModelName::Patch | LocalModelName::Full => file.local.integrator.unwrap_or_default(),
+    };
     let global = global::global(&file)?;
     let size = check::Run {
         local: &local,
@@ -119,6 +123,7 @@ fn assemble(file: SceneFile, folder: &Path) -> Read<Scene> {
         tick_count,
         is_full,
         local,
+        renderer: local::renderer(&file.local, folder)?,
         source: None,
     })
 }

@@ -40,9 +40,11 @@ pub enum LocalModelName {
     Patch,
     /// The whole network at the local rate.
     Full,
+    /// The renderer of a library.
+    External,
 }
 
-words!(LocalModelName { Patch = "patch", Full = "full" });
+words!(LocalModelName { Patch = "patch", Full = "full", External = "external" });
 
 /// Value of `local.linearization`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -16,13 +16,14 @@ use serde::Serialize;
 
 use self::clock::{Cost, Stopwatch};
 use super::progress::Progress;
+use super::renderer::RendererArguments;
 use super::terminal::{hand_out, say};
 use super::{FAIL, PASS, folder, load, page};
 use crate::local::condensation::CondensationCounts;
 use crate::model::work::WorkCounts;
 use crate::output::files::{write_file, write_json};
 use crate::output::summary::Sample;
-use crate::scene::{Scene, SceneError};
+use crate::scene::{LocalModelName, Scene, SceneError};
 use crate::verify::accuracy::{
     self, Assessment, Coverage, Errors, Grid, Method, Names, PAPER, PAPER_RATE_HZ, Reference, Status,
 };
@@ -52,6 +53,8 @@ pub struct AccuracyArguments {
     /// drag)
     #[arg(long)]
     all: bool,
+    #[command(flatten)]
+    renderer: RendererArguments,
 }
 
 fn positive(text: &str) -> Result<f64, String> {
@@ -165,7 +168,7 @@ struct Best {
 }
 
 pub fn accuracy(arguments: &AccuracyArguments) -> miette::Result<u8> {
-    let scene = load(&arguments.scene)?;
+    let scene = load(&arguments.scene, &arguments.renderer)?;
     let coverage = if arguments.all { Coverage::All } else { Coverage::Default };
     let grid = accuracy::grid(&scene, coverage)?;
     let folder = folder(arguments.out.clone(), &scene, &["accuracy.json", "index.html"])?;
@@ -276,12 +279,15 @@ fn measure(
         let status = assessment.status(budget.admits(&cost, method.global_rate));
         let Assessment { record, errors, is_unresolved, .. } = assessment;
         points.push(Point {
-            name: method.to_string(),
+            name: method.name(scene),
             reference,
             names: method.names(),
             status,
             below_floor: is_unresolved,
-            is_paper: reference == 0 && method.local == PAPER && method.global_rate == PAPER_RATE_HZ,
+            is_paper: reference == 0
+                && method.model == LocalModelName::Patch
+                && method.local == PAPER
+                && method.global_rate == PAPER_RATE_HZ,
             is_own: *method == own,
             on_front: false,
             errors,

@@ -11,6 +11,7 @@ use maud::Markup;
 use miette::Diagnostic;
 
 use super::progress::Progress;
+use super::renderer::RendererArguments;
 use super::terminal::{complain, hand_out, say, significant};
 use super::tick_timing::{TimedTick, time_ticks};
 use super::{FAIL, INCONCLUSIVE, PASS, folder, interrupt, load};
@@ -60,6 +61,8 @@ pub struct CertifyArguments {
     /// Output folder (default: reports/SCENE)
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    renderer: RendererArguments,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -101,7 +104,8 @@ fn policy_parser() -> impl TypedValueParser<Value = OverrunPolicy> {
 
 /// Returns the scene with the changes of the command line.
 fn asked_for(arguments: &CertifyArguments) -> miette::Result<Scene> {
-    let mut scene = load(&arguments.scene)?;
+    // The servo thread itself is certified, so the renderer runs in this process.
+    let mut scene = load(&arguments.scene, &arguments.renderer)?.with_renderer_in_process();
     if let Some(rate) = arguments.rate {
         let asked = scene.with_local_rate_hz(rate).and_then(|scene| {
             scene.check_real_time()?;

@@ -9,7 +9,7 @@ use crate::local::patch::Extent;
 use crate::local::step::LocalIntegrator;
 use crate::model::springs::TangentKind;
 use crate::pipeline::Simulation;
-use crate::scene::{Scene, SceneError};
+use crate::scene::{LocalModelName, Scene, SceneError};
 use crate::surface::geometry::ContactSurface;
 use crate::surface::support::Metric;
 
@@ -97,21 +97,21 @@ pub fn grid(scene: &Scene, coverage: Coverage) -> Result<Grid, SceneError> {
     if !too_large.is_empty() {
         omitted.push(format!("tangents of all rings: the matrix of {free} free nodes is too large"));
     }
-    if !own.is_full && !locals.contains(&own.local) {
+    if own.model != LocalModelName::Full && !locals.contains(&own.local) {
         locals.insert(0, own.local);
     }
 
     let explicit = LocalIntegrator::SemiImplicitEuler;
     let mut methods = Vec::new();
     for &touching in &contacts {
-        if own.is_full {
+        if own.model == LocalModelName::Full {
             methods.push(Method { touching, ..own });
         }
         for &local in &locals {
             // A model with all springs evaluated at every tick is the full network at any update rate.
             let renewals = if is_exact(&local) { &rates[..1] } else { &rates[..] };
             methods.extend(renewals.iter().map(|&global_rate| Method {
-                is_full: false,
+                model: LocalModelName::Patch,
                 local,
                 integrator: explicit,
                 global_rate,
@@ -124,14 +124,14 @@ pub fn grid(scene: &Scene, coverage: Coverage) -> Result<Grid, SceneError> {
                 solved.map(move |&local| (integrator, local))
             });
             methods.extend(implicit.map(|(integrator, local)| Method {
-                is_full: false,
+                model: LocalModelName::Patch,
                 local,
                 integrator,
                 global_rate: own.global_rate,
                 touching,
             }));
         }
-        if !own.is_full && own.touching == touching && !methods.contains(&own) {
+        if own.model != LocalModelName::Full && own.touching == touching && !methods.contains(&own) {
             methods.push(own);
         }
     }

@@ -41,7 +41,7 @@ pub struct Touching {
 /// let method = Method::of(&scene);
 /// assert_eq!(method.to_string(), "1 ring, tangent, fixed, exact, 10 Hz"); // the paper's
 /// let names = method.names();
-/// assert_eq!((names.model, names.rings, names.far_field), ("patch", Rings::Count(1), None));
+/// assert_eq!((names.model, names.rings, names.far_field), ("patch", Some(Rings::Count(1)), None));
 /// assert_eq!(method.touching.to_string(), "geometric scheme on the faceted surface, rigid");
 /// assert_eq!(method.touching.names().model, "full"); // of the reference
 ///
@@ -51,8 +51,8 @@ pub struct Touching {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Method {
-    /// Whether the full network is run (`model = "full"`), without a local model.
-    pub is_full: bool,
+    /// A local model, the full network, or the scene's renderer in a library.
+    pub model: LocalModelName,
     /// Settings of the local model.
     pub local: LocalSettings,
     /// Integrator of the local model.
@@ -66,12 +66,12 @@ pub struct Method {
 /// Names of a method's settings in scenes; `None` where a key has no effect.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Names {
-    /// "patch" or "full".
+    /// "patch", "full" or "external".
     pub model: &'static str,
     /// Number of rings, or "all".
-    pub rings: Rings,
+    pub rings: Option<Rings>,
     /// "tangent" or "none".
-    pub linearization: &'static str,
+    pub linearization: Option<&'static str>,
     /// "fixed", "drifting" or "condensed".
     pub exterior: Option<&'static str>,
     /// "exact" or "stabilised".
@@ -81,7 +81,7 @@ pub struct Names {
     /// Far field beyond that reach: "fixed" or "coarse".
     pub far_field: Option<&'static str>,
     /// Integrator of the local model.
-    pub integrator: &'static str,
+    pub integrator: Option<&'static str>,
     /// "geometric" or "velocity".
     pub scheme: &'static str,
     /// "faceted", "shaded" or "subdivision".
@@ -98,7 +98,7 @@ impl Method {
     /// Returns the method of a scene.
     pub fn of(scene: &Scene) -> Self {
         Self {
-            is_full: scene.is_full(),
+            model: scene.model_name(),
             local: scene.local(),
             integrator: scene.integrator,
             global_rate: scene.global_rate_hz(),
@@ -109,10 +109,10 @@ impl Method {
     /// Returns the scene's drag with this method. The length of the global side's substeps is unchanged.
     pub fn scene(&self, scene: &Scene) -> Scene {
         let own = scene.clone().with_surface(self.touching.surface).with_scheme(self.touching.scheme);
-        let mut own = if self.is_full {
-            own.with_full_model()
-        } else {
-            own.with_local_model(self.local).with_local_integrator(self.integrator)
+        let mut own = match self.model {
+            LocalModelName::Patch => own.with_local_model(self.local).with_local_integrator(self.integrator),
+            LocalModelName::Full => own.with_full_model(),
+            LocalModelName::External => own,
         };
         let Some(ticks) = ticks_per_cycle(scene, self.global_rate) else { return own };
         let substeps = f64::from(scene.global.substeps) * f64::from(ticks) / f64::from(scene.ticks_per_cycle());
@@ -120,9 +120,18 @@ impl Method {
         own.with_ticks_per_cycle(ticks)
     }
 
+    /// Returns the method's name in tables and figures: a renderer goes by the file name of the scene's library.
+    pub fn name(&self, scene: &Scene) -> String {
+        match (self.model, scene.renderer().and_then(|library| library.path().file_name())) {
+            (LocalModelName::External, Some(file)) => format!("{}, {} Hz", file.display(), self.global_rate),
+            _ => self.to_string(),
+        }
+    }
+
     /// Returns the names in scenes.
     pub fn names(&self) -> Names {
         let LocalSettings { extent, linearization, exterior } = self.local;
+        let has_local = self.model != LocalModelName::External;
         let mut tangent = match linearization {
             Linearization::Tangent(tangent) => Some(tangent),
             Linearization::None => None,
@@ -139,16 +148,15 @@ impl Method {
             Scheme::Geometric { deformation, metric } => (Some(deformation.name()), Some(metric.name())),
             Scheme::Velocity | Scheme::Massless => (None, None),
         };
-        let model = if self.is_full { LocalModelName::Full } else { LocalModelName::Patch };
         Names {
-            model: model.name(),
-            rings: extent.into(),
-            linearization: LinearizationName::from(linearization).name(),
-            exterior: (extent != Extent::All).then_some(ExteriorName::from(exterior).name()),
-            tangent: tangent.map(TangentKind::name),
-            condense_rings,
-            far_field,
-            integrator: self.integrator.name(),
+            model: self.model.name(),
+            rings: has_local.then_some(extent.into()),
+            linearization: has_local.then_some(LinearizationName::from(linearization).name()),
+            exterior: (has_local && extent != Extent::All).then_some(ExteriorName::from(exterior).name()),
+            tangent: tangent.filter(|_| has_local).map(TangentKind::name),
+            condense_rings: condense_rings.filter(|_| has_local),
+            far_field: far_field.filter(|_| has_local),
+            integrator: has_local.then_some(self.integrator.name()),
             scheme: SchemeName::from(self.touching.scheme).name(),
             surface: self.touching.surface.name(),
             deformation,
@@ -162,7 +170,7 @@ impl Touching {
     /// Returns the names in scenes, with the full network.
     pub fn names(self) -> Names {
         Method {
-            is_full: true,
+            model: LocalModelName::Full,
             local: LocalSettings::FULL,
             integrator: LocalIntegrator::SemiImplicitEuler,
             global_rate: 0.0,
@@ -175,11 +183,12 @@ impl Touching {
 /// Prints the local model and its rate, without the contact.
 impl fmt::Display for Method {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.is_full {
-            return f.write_str("full network");
-        }
         let Names { rings, linearization, exterior, tangent, condense_rings, global_rate, .. } = self.names();
-        write!(f, "{rings}, {linearization}")?;
+        match (self.model, rings, linearization) {
+            (LocalModelName::Full, ..) => return f.write_str("full network"),
+            (_, Some(rings), Some(linearization)) => write!(f, "{rings}, {linearization}")?,
+            _ => return write!(f, "renderer of a library, {global_rate} Hz"),
+        }
         [exterior, tangent].into_iter().flatten().try_for_each(|word| write!(f, ", {word}"))?;
         if let Some(reach @ Rings::Count(_)) = condense_rings {
             write!(f, " within {reach}")?;
