@@ -5,6 +5,7 @@ mod accuracy;
 #[cfg(all(feature = "realtime", target_os = "linux"))]
 mod certify;
 mod check;
+mod conform;
 mod diagnostic;
 mod explain;
 #[cfg(all(feature = "external", target_os = "linux"))]
@@ -144,6 +145,16 @@ enum Command {
         Example: stickslip certify fig5-stick-slip --duration 60 --load cpu --out /tmp/certificate"
     )]
     Certify(certify::CertifyArguments),
+    /// Check the properties that every haptic renderer has
+    #[command(
+        after_help = "Presses, drags, taps, strokes, lifts off and teleports the tip where the scene's path first touches \
+        the body, and checks forces, energy and cost of the renderer: the scene's own local model, or with --renderer that \
+        of a shared library. Nothing is compared with a reference. Writes DIR/conformance.json and DIR/index.html.\n\n\
+        Exit codes: 0 all properties hold; 1 one does not; 2 usage, scene, library or file error; 3 none fails, and one \
+        could not be decided.\n\n\
+        Example: stickslip conform fig5-stick-slip --renderer ./libmine.so --renderer-options rings=2"
+    )]
+    Conform(conform::ConformArguments),
     /// Repeat recorded ticks, bit for bit
     #[command(
         after_help = "FILE is the session.json that `certify`, or `run` with `run.schedule = \"threads\"`, wrote. \
@@ -221,6 +232,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Accuracy(arguments) => accuracy::accuracy(&arguments),
         #[cfg(all(feature = "realtime", target_os = "linux"))]
         Command::Certify(arguments) => certify::certify(&arguments),
+        Command::Conform(arguments) => conform::conform(&arguments),
         Command::Replay { file } => replay::replay(&file),
         #[cfg(all(feature = "external", target_os = "linux"))]
         Command::ServeRenderer { library } => external::serve(&library),
