@@ -20,18 +20,21 @@ class Operators:
 
 def complete(rows, candidates):
     """Gram-Schmidt: orthogonal square matrix that begins with `rows` (orthogonal, left unnormalised) (7), (16)."""
-    basis = list(rows)
+    count = len(rows)
+    basis, squares = np.empty((rows.shape[1], rows.shape[1])), np.empty(rows.shape[1])
+    basis[:count], squares[:count] = rows, (rows * rows).sum(axis=1)
     for candidate in candidates:
-        if len(basis) == rows.shape[1]:
+        if count == len(basis):
             break
         scale = np.linalg.norm(candidate)
         for _ in range(2):  # the second pass removes what round-off left of the first
-            for row in basis:
-                candidate = candidate - (candidate @ row) / (row @ row) * row
+            done = basis[:count]
+            candidate = candidate - ((done @ candidate) / squares[:count]) @ done
         length = np.linalg.norm(candidate)
         if length > DEPENDENT * scale:
-            basis.append(candidate / length)
-    return np.array(basis)
+            basis[count], squares[count] = candidate / length, 1.0
+            count += 1
+    return basis[:count]
 
 
 def transform_T(m, support, weights, candidates=None):
