@@ -8,7 +8,7 @@ from scipy import sparse
 from scipy.optimize import brentq
 
 from .subdivision import Subdivision
-from .surface import DISTANCE_TOLERANCE, Point, Surface
+from .surface import DISTANCE_TOLERANCE, Point, Surface, cross
 
 STATIONARITY = 1e-12  # of a triangle's edge: the offset's part along the surface
 POLISHING = 2  # Newton steps after that, which take it to round-off
@@ -77,7 +77,7 @@ class LimitSurface(Surface):
         return self.frame(point.triangle, point.weights, x)[0]
 
     def normal(self, point, x):
-        n = np.cross(*self.frame(point.triangle, point.weights, x)[1])
+        n = cross(*self.frame(point.triangle, point.weights, x)[1])
         return n / np.linalg.norm(n)
 
     def follow(self, q, point, x):
