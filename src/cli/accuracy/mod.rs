@@ -17,7 +17,7 @@ use serde::Serialize;
 use self::clock::{Cost, Stopwatch};
 use super::progress::Progress;
 use super::terminal::{hand_out, say};
-use super::{FAIL, PASS, folder, load, page};
+use super::{Changes, FAIL, PASS, folder, load, page};
 use crate::local::condensation::CondensationCounts;
 use crate::model::work::WorkCounts;
 use crate::output::files::{write_file, write_json};
@@ -39,6 +39,8 @@ const BRIEF_PATIENCE: Duration = Duration::from_secs(6);
 pub struct AccuracyArguments {
     /// A scene file or the name of a shipped scene
     scene: PathBuf,
+    #[command(flatten)]
+    changes: Changes,
     /// Output folder (default: reports/SCENE)
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -80,6 +82,8 @@ impl Budget {
 #[derive(Serialize)]
 pub struct AccuracyFile {
     pub scene: String,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    changes: Vec<String>,
     version: &'static str,
     /// Rate of the scene's model updates, Hz.
     cycle_rate: f64,
@@ -165,7 +169,7 @@ struct Best {
 }
 
 pub fn accuracy(arguments: &AccuracyArguments) -> miette::Result<u8> {
-    let scene = load(&arguments.scene)?;
+    let scene = load(&arguments.scene, &arguments.changes)?;
     let coverage = if arguments.all { Coverage::All } else { Coverage::Default };
     let grid = accuracy::grid(&scene, coverage)?;
     let folder = folder(arguments.out.clone(), &scene, &["accuracy.json", "index.html"])?;
@@ -221,6 +225,7 @@ fn compare(scene: &Scene, grid: Grid, budget: Budget, patience: Duration) -> mie
     let (points, references) = measure(scene, &grid, budget, patience, &progress)?;
     Ok(AccuracyFile {
         scene: scene.name.clone(),
+        changes: scene.changes(),
         version: env!("CARGO_PKG_VERSION"),
         cycle_rate: scene.global_rate_hz(),
         budget,
