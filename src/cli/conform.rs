@@ -5,11 +5,12 @@ use std::path::PathBuf;
 use clap::Args;
 use maud::{Markup, html};
 
+use super::junit::{JunitArguments, JunitCase, JunitSuite};
 use super::page::{self, Row};
 use super::progress::Progress;
 use super::renderer::RendererArguments;
 use super::terminal::{hand_out, say, significant};
-use super::{FAIL, INCONCLUSIVE, PASS, folder, load};
+use super::{Changes, FAIL, INCONCLUSIVE, PASS, folder, load};
 use crate::output::files::{write_file, write_json};
 use crate::output::verdict::Verdict;
 use crate::verify::conformance::{Conformance, PropertyFinding, RUNS};
@@ -19,17 +20,22 @@ pub struct ConformArguments {
     /// A scene file or the name of a shipped scene: its body, contact law and surface are used, and the place where its path
     /// first touches the body
     scene: PathBuf,
+    #[command(flatten)]
+    changes: Changes,
     /// Output folder (default: reports/SCENE)
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
     renderer: RendererArguments,
+    #[command(flatten)]
+    junit: JunitArguments,
 }
 
 pub fn conform(arguments: &ConformArguments) -> miette::Result<u8> {
-    let scene = load(&arguments.scene, &arguments.renderer)?;
+    let scene = load(&arguments.scene, &arguments.changes, &arguments.renderer)?;
     let folder = folder(arguments.out.clone(), &scene, &["conformance.json", "index.html"])?;
     let out = folder.path();
+    arguments.junit.prepare()?;
     let mut progress = Progress::new(RUNS, "runs");
     progress.begin(&scene.name);
     let conformance = Conformance::of(&scene, || progress.end(1))?;
@@ -44,6 +50,7 @@ pub fn conform(arguments: &ConformArguments) -> miette::Result<u8> {
     write_json(&out.join("conformance.json"), &conformance)?;
     let title = format!("stickslip: conformance over {}", conformance.scene);
     write_file(&out.join("index.html"), page::page(&title, &section(&conformance)).into_string().as_bytes())?;
+    arguments.junit.write(|| verdicts(&conformance))?;
     hand_out(&conformance)?;
     for finding in &conformance.properties {
         say(format_args!("{:<12} {}: {}", finding.verdict.name(), finding.name, finding.finding))?;
@@ -55,6 +62,18 @@ pub fn conform(arguments: &ConformArguments) -> miette::Result<u8> {
         Verdict::Inconclusive => INCONCLUSIVE,
         Verdict::Pass => PASS,
     })
+}
+
+/// Returns the verdicts for continuous integration.
+fn verdicts(conformance: &Conformance) -> JunitSuite {
+    let case = |finding: &PropertyFinding| JunitCase {
+        name: finding.name.to_owned(),
+        class: format!("stickslip.conform.{}", conformance.scene),
+        seconds: None,
+        verdict: finding.verdict,
+        reasons: vec![finding.finding.clone()],
+    };
+    JunitSuite { name: "stickslip conform", cases: conformance.properties.iter().map(case).collect() }
 }
 
 /// Returns the finding in a sentence.
