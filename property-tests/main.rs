@@ -15,6 +15,7 @@ mod doors;
 mod elasticity;
 mod extremes;
 mod integrators;
+mod judge;
 mod limit_surface;
 mod limits;
 mod linearization;

@@ -8,6 +8,7 @@ mod check;
 mod diagnostic;
 mod explain;
 mod interrupt;
+mod judge;
 mod manual;
 mod page;
 mod progress;
@@ -117,11 +118,26 @@ enum Command {
     /// Compare local models with the full network: force error against time per tick
     #[command(
         after_help = "Runs the scene's drag with a grid of local models and compares each with the full network \
-        at the haptic rate. Writes DIR/index.html and DIR/accuracy.json. Runs are timed one after the other: keep \
+        at the haptic rate. Writes DIR/index.html, DIR/accuracy.json and the full network's force at every tick with each \
+        contact, DIR/reference-CONTACT.csv. Runs are timed one after the other: keep \
         the machine idle.\n\nExit codes: 0 pass; 1 no local model is within the budget; 2 usage, scene or file \
         error.\n\nExample: stickslip accuracy deep-stick-slip --budget-us 5 --out /tmp/accuracy"
     )]
     Accuracy(accuracy::AccuracyArguments),
+    /// Judge another program's force trace along a scene's path
+    #[command(
+        after_help = "The trace has the columns t,fx,fy,fz: the time at the end of each tick, s, and the force on the \
+        instrument, N. It is compared with the full network at the haptic rate, by the measures of `accuracy`. With a \
+        column `mode` (free, stick, slide, slip) the contact modes are compared too, and with px,py,pz, a point of the \
+        surface at rest, the contact points. What does not fit is named first: another rate, gaps, a lag, another unit or \
+        sign. Writes DIR/judge.json.\n\n\
+        Exit codes: 0 PASS: the force error is at most 10 % over the whole scene, which a hand cannot tell apart; 1 FAIL: \
+        it is larger; 2 usage, scene or file error, a number that is not finite, or times that do not ascend; 3 \
+        INCONCLUSIVE: the trace lacks more than a tick at either end of the scene, or gaps have more than 1 % of its ticks, \
+        nothing was touched, or the reference ended in a fault.\n\n\
+        Example: stickslip judge deep-stick-slip --trace mine.csv --scale 0.001 --out /tmp/judge"
+    )]
+    Judge(judge::JudgeArguments),
     /// Certify the deadlines of the servo loop on this machine
     #[cfg(all(feature = "realtime", target_os = "linux"))]
     #[command(
@@ -204,6 +220,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Explain { scene } => explain::explain(&scene),
         Command::Check(arguments) => check::check(&arguments),
         Command::Accuracy(arguments) => accuracy::accuracy(&arguments),
+        Command::Judge(arguments) => judge::judge(&arguments),
         #[cfg(all(feature = "realtime", target_os = "linux"))]
         Command::Certify(arguments) => certify::certify(&arguments),
         Command::Replay { file } => replay::replay(&file),

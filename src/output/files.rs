@@ -198,6 +198,17 @@ pub fn write_file(path: &Path, content: &[u8]) -> Result<(), WriteError> {
     write().map_err(|source| WriteError { path: path.to_owned(), source })
 }
 
+/// Writes rows as CSV, with a header from the names of their fields.
+///
+/// # Errors
+/// If the folder cannot be written.
+pub fn write_csv(path: &Path, rows: impl IntoIterator<Item = impl Serialize>) -> Result<(), WriteError> {
+    let mut table = csv::Writer::from_writer(Vec::new());
+    let text = rows.into_iter().try_for_each(|row| table.serialize(row)).map_err(io::Error::other);
+    let text = text.and_then(|()| table.into_inner().map_err(|error| io::Error::other(error.to_string())));
+    write_file(path, &text.map_err(|source| WriteError { path: path.to_owned(), source })?)
+}
+
 /// Writes a value as indented JSON.
 ///
 /// # Errors
