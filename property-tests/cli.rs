@@ -2,6 +2,7 @@
 
 mod bad_scenes;
 mod baselines;
+mod by_file;
 mod compared;
 mod printed;
 #[cfg(all(feature = "realtime", target_os = "linux"))]

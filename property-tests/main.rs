@@ -19,6 +19,8 @@ mod judge;
 mod limit_surface;
 mod limits;
 mod linearization;
+#[cfg(all(feature = "realtime", target_os = "linux"))]
+mod logs;
 mod massless;
 mod mesh_files;
 mod mesh_formats;
@@ -37,6 +39,7 @@ mod scene_mutations;
 mod settle;
 mod stability;
 mod subdivision;
+mod suite;
 mod threads;
 mod timeline;
 mod velocity;

@@ -16,6 +16,7 @@ mod replay;
 mod report;
 mod run;
 mod stability;
+mod suite;
 mod table;
 mod terminal;
 mod tick_timing;
@@ -138,6 +139,17 @@ enum Command {
         Example: stickslip judge deep-stick-slip --trace mine.csv --scale 0.001 --out /tmp/judge"
     )]
     Judge(judge::JudgeArguments),
+    /// Write the problem set as files, for programs that know nothing of this one
+    #[command(
+        after_help = "Writes DIR/README.md, which says how to take part, DIR/suite.json, and a folder for each problem: \
+        body.vtu, network.json, tip.csv (the tip at every tick), reference.csv (force, contact point and normal at every \
+        tick, from the full network at the haptic rate), problem.toml (the same as a scene) and problem.json (rates, contact, \
+        floor, tolerances and the SHA-256 of each file). A solution is compared by `stickslip judge`. It takes about a \
+        minute.\n\n\
+        Exit codes: 0 pass; 1 a reference ended in a fault; 2 usage or file error.\n\n\
+        Example: stickslip suite --out problems\n  stickslip judge problems/tap/problem.toml --trace mine.csv"
+    )]
+    Suite(suite::SuiteArguments),
     /// Certify the deadlines of the servo loop on this machine
     #[cfg(all(feature = "realtime", target_os = "linux"))]
     #[command(
@@ -146,10 +158,13 @@ enum Command {
         on whether models were built in time (global side; absent without cycles). \
         A control loop without a payload runs between the ticks: deadlines that it misses too are the machine's. The \
         longest ticks are repeated with warm and with cold caches. Writes DIR/certificate.md, certificate.json, \
-        session.json and two figures. Ctrl-C ends the run and certifies what was measured.\n\nWithout the right to \
+        session.json and two figures. With --times instead of a scene it judges the log of another servo loop, a CSV file \
+        with the scheduled release, the start and the end of every tick in ns: the deadline is the period, and there is the \
+        platform part alone. Ctrl-C ends the run and certifies what was measured.\n\nWithout the right to \
         SCHED_FIFO (root, or `ulimit -r`) the platform part cannot pass.\n\nExit codes: 0 all parts PASS; 1 one is \
         FAIL; 2 usage, scene or file error; 3 none is FAIL, and one is INCONCLUSIVE.\n\n\
-        Example: stickslip certify fig5-stick-slip --duration 60 --load cpu --out /tmp/certificate"
+        Examples:\n  stickslip certify fig5-stick-slip --duration 60 --load cpu --out /tmp/certificate\n  \
+        stickslip certify --times loop.csv --rate 1000 --out /tmp/loop"
     )]
     Certify(certify::CertifyArguments),
     /// Repeat recorded ticks, bit for bit
@@ -221,6 +236,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Check(arguments) => check::check(&arguments),
         Command::Accuracy(arguments) => accuracy::accuracy(&arguments),
         Command::Judge(arguments) => judge::judge(&arguments),
+        Command::Suite(arguments) => suite::suite(&arguments),
         #[cfg(all(feature = "realtime", target_os = "linux"))]
         Command::Certify(arguments) => certify::certify(&arguments),
         Command::Replay { file } => replay::replay(&file),

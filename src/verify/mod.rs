@@ -21,6 +21,7 @@ pub mod residual;
 pub mod results;
 pub mod short_reference;
 pub mod stability_map;
+pub mod suite;
 pub mod surfaces;
 pub mod tetrahedral_block;
 pub mod z_width;
