@@ -20,7 +20,7 @@ pub const PRESSED_S: f64 = 0.3;
 pub const HELD_S: f64 = 2.3;
 /// Time at which the tip of [`Motion::LiftOff`] is free again, s. Half of it is a press so slow that dampers take little, and
 /// a renderer that gives energy cannot hide it behind them.
-pub const LIFTED_S: f64 = 4.0;
+pub const LIFTED_S: f64 = 10.0;
 /// Tick of [`Motion::Teleport`] in which the tip jumps out, and the tick in which it jumps in again, deeper.
 pub const JUMPS: [u64; 2] = [500, 600];
 
