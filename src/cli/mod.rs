@@ -7,8 +7,10 @@ mod certify;
 mod check;
 mod diagnostic;
 mod explain;
+mod init;
 mod interrupt;
 mod junit;
+mod list;
 mod manual;
 mod page;
 mod progress;
@@ -154,6 +156,17 @@ enum Command {
         /// A recorded session
         file: PathBuf,
     },
+    /// Write a commented scene to start from
+    #[command(
+        after_help = "Writes every table with the keys that are changed most, their accepted values and the defaults. With \
+        --mesh the unit, the fixed nodes, the path of the tip, the material and the steps are chosen for the mesh, and the \
+        choices are stated. The scene runs as it is.\n\nExit codes: 0 written; 2 usage or mesh error, or the file is there \
+        already.\n\nExamples:\n  stickslip init my-scene.toml\n  stickslip init organ.toml --mesh organ.vtu"
+    )]
+    Init(init::InitArguments),
+    /// List the shipped scenes and what each shows
+    #[command(after_help = "Example: stickslip list --json")]
+    List,
     /// Print a shell's script for the completion of commands and options
     #[command(
         after_help = "Example: stickslip completions bash > ~/.local/share/bash-completion/completions/stickslip"
@@ -212,6 +225,8 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         #[cfg(all(feature = "realtime", target_os = "linux"))]
         Command::Certify(arguments) => certify::certify(&arguments),
         Command::Replay { file } => replay::replay(&file),
+        Command::Init(arguments) => init::init(&arguments),
+        Command::List => list::list(),
         Command::Completions { shell } => manual::completions(shell),
         Command::Man { out } => manual::man(out.as_deref()),
     };
