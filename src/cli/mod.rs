@@ -8,11 +8,16 @@ mod check;
 mod conform;
 mod diagnostic;
 mod explain;
+<<<<<<< HEAD
 #[cfg(all(feature = "external", target_os = "linux"))]
 mod external;
+=======
+mod init;
+>>>>>>> w17g
 mod interrupt;
 mod judge;
 mod junit;
+mod list;
 mod manual;
 mod page;
 mod progress;
@@ -204,6 +209,7 @@ enum Command {
         /// A recorded session
         file: PathBuf,
     },
+<<<<<<< HEAD
     /// Serve a renderer's calls to the program that started this process
     #[cfg(all(feature = "external", target_os = "linux"))]
     #[command(hide = true)]
@@ -211,6 +217,19 @@ enum Command {
         /// A shared library
         library: PathBuf,
     },
+=======
+    /// Write a commented scene to start from
+    #[command(
+        after_help = "Writes every table with the keys that are changed most, their accepted values and the defaults. With \
+        --mesh the unit, the fixed nodes, the path of the tip, the material and the steps are chosen for the mesh, and the \
+        choices are stated. The scene runs as it is.\n\nExit codes: 0 written; 2 usage or mesh error, or the file is there \
+        already.\n\nExamples:\n  stickslip init my-scene.toml\n  stickslip init organ.toml --mesh organ.vtu"
+    )]
+    Init(init::InitArguments),
+    /// List the shipped scenes and what each shows
+    #[command(after_help = "Example: stickslip list --json")]
+    List,
+>>>>>>> w17g
     /// Print a shell's script for the completion of commands and options
     #[command(
         after_help = "Example: stickslip completions bash > ~/.local/share/bash-completion/completions/stickslip"
@@ -272,8 +291,13 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Certify(arguments) => certify::certify(&arguments),
         Command::Conform(arguments) => conform::conform(&arguments),
         Command::Replay { file } => replay::replay(&file),
+<<<<<<< HEAD
         #[cfg(all(feature = "external", target_os = "linux"))]
         Command::ServeRenderer { library } => external::serve(&library),
+=======
+        Command::Init(arguments) => init::init(&arguments),
+        Command::List => list::list(),
+>>>>>>> w17g
         Command::Completions { shell } => manual::completions(shell),
         Command::Man { out } => manual::man(out.as_deref()),
     };
