@@ -8,12 +8,9 @@ mod check;
 mod conform;
 mod diagnostic;
 mod explain;
-<<<<<<< HEAD
 #[cfg(all(feature = "external", target_os = "linux"))]
 mod external;
-=======
 mod init;
->>>>>>> w17g
 mod interrupt;
 mod judge;
 mod junit;
@@ -209,7 +206,6 @@ enum Command {
         /// A recorded session
         file: PathBuf,
     },
-<<<<<<< HEAD
     /// Serve a renderer's calls to the program that started this process
     #[cfg(all(feature = "external", target_os = "linux"))]
     #[command(hide = true)]
@@ -217,7 +213,6 @@ enum Command {
         /// A shared library
         library: PathBuf,
     },
-=======
     /// Write a commented scene to start from
     #[command(
         after_help = "Writes every table with the keys that are changed most, their accepted values and the defaults. With \
@@ -229,7 +224,6 @@ enum Command {
     /// List the shipped scenes and what each shows
     #[command(after_help = "Example: stickslip list --json")]
     List,
->>>>>>> w17g
     /// Print a shell's script for the completion of commands and options
     #[command(
         after_help = "Example: stickslip completions bash > ~/.local/share/bash-completion/completions/stickslip"
@@ -291,13 +285,10 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Certify(arguments) => certify::certify(&arguments),
         Command::Conform(arguments) => conform::conform(&arguments),
         Command::Replay { file } => replay::replay(&file),
-<<<<<<< HEAD
         #[cfg(all(feature = "external", target_os = "linux"))]
         Command::ServeRenderer { library } => external::serve(&library),
-=======
         Command::Init(arguments) => init::init(&arguments),
         Command::List => list::list(),
->>>>>>> w17g
         Command::Completions { shell } => manual::completions(shell),
         Command::Man { out } => manual::man(out.as_deref()),
     };
