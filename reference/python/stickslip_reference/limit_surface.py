@@ -72,10 +72,10 @@ class LimitSurface(Surface):
 
     def frame(self, triangle, weights, x):
         """The point, its first (2, 3) and second (3, 3) derivatives, and the length of an edge."""
-        basis = self.subdivision.basis(triangle, weights)
-        control = x[basis.nodes]
-        return (basis.value @ control, basis.first @ control, basis.second @ control,
-                np.linalg.norm(control[1] - control[0]))
+        nodes, values = self.subdivision.derivatives(triangle, weights)
+        control = x.take(nodes, axis=0)
+        place = values @ control
+        return place[0], place[1:3], place[3:], math.dist(control[0].tolist(), control[1].tolist())
 
     def position(self, point, x):
         return self.frame(point.triangle, point.weights, x)[0]
