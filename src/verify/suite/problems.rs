@@ -102,7 +102,7 @@ const SHORT_DRAG: Motion = Motion::Through(&[
 pub const PROBLEMS: [ProblemSpec; 15] = [
     ProblemSpec {
         name: "tap",
-        tries: "Contact that begins and ends ten times a second: no force before it, none after it, no impact",
+        tries: "Contact that begins and ends ten times a second, at up to 0.15 m/s: no force before it, and none after it",
         motion: Motion::Through(&[
             [0.0, -0.01, 0.0013, 0.001],
             [0.05, -0.01, 0.0013, -0.003],
@@ -151,7 +151,7 @@ pub const PROBLEMS: [ProblemSpec; 15] = [
     },
     ProblemSpec {
         name: "friction-pair",
-        tries: "Kinetic friction below static friction: alternating stick and slip in a slow drag",
+        tries: "Kinetic friction below static friction: the force drops where slip begins, in the middle of a drag",
         law: ContactLaw::StickSlip { static_coefficient: 0.6, kinetic_coefficient: 0.4 },
         motion: DRAG,
         duration_s: 1.6,
