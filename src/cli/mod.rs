@@ -157,7 +157,7 @@ enum Command {
     Judge(judge::JudgeArguments),
     /// Write the problem set as files, for programs that know nothing of this one
     #[command(
-        after_help = "Writes DIR/README.md, which says how to take part, DIR/suite.json, and a folder for each problem: \
+        after_help = "Writes DIR/README.md, which explains how to take part, DIR/example.py, DIR/suite.json, and a folder for each problem: \
         body.vtu, network.json, tip.csv (the tip at every tick), reference.csv (force, contact point and normal at every \
         tick, from the full network at the haptic rate), problem.toml (the same as a scene) and problem.json (rates, contact, \
         floor, tolerances and the SHA-256 of each file). A solution is compared by `stickslip judge`. It takes about a \
