@@ -7,6 +7,7 @@ mod changes;
 mod compared;
 #[cfg(all(feature = "external", feature = "realtime", target_os = "linux"))]
 mod external;
+mod header;
 mod junit;
 mod printed;
 mod recorded_paths;
