@@ -109,7 +109,7 @@ class LimitSurface(Surface):
             du, dv = solution(hessian, gradient)
             change = [du + dv, -du, -dv]
             du, dv = solution(metric, gradient)
-            residual = math.sqrt(gradient[0] * du + gradient[1] * dv)
+            residual = math.sqrt(max(gradient[0] * du + gradient[1] * dv, 0.0))  # in this order a NaN stays one
             rim = [c for c in range(3) if weights[c] == 0.0 and change[c] < 0.0 and self.neighbours[triangle, c] < 0]
             for corner in rim:  # along the border only
                 along = [0.0, 0.0, 0.0]

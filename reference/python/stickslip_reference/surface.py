@@ -44,8 +44,9 @@ class Surface:
 
     def vertex_normals(self, x, triangle):
         """Normalised sums of the cross products of the triangles around each corner of `triangle`, (3, 3)."""
-        crosses = self.face_crosses(x)
-        sums = np.array([crosses[(self.triangles == node).any(axis=1)].sum(axis=0) for node in self.triangles[triangle]])
+        around = [np.flatnonzero((self.triangles == node).any(axis=1)) for node in self.triangles[triangle]]
+        a, b, c = x[self.triangles[np.concatenate(around)]].transpose(1, 0, 2)
+        sums = np.add.reduceat(cross(b - a, c - a), np.cumsum([0, *map(len, around[:-1])]))
         return sums / np.linalg.norm(sums, axis=1)[:, None]
 
     def normal(self, point, x):
