@@ -66,7 +66,9 @@ fn generated() -> String {
     let interface = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/external/abi.rs");
     let mut header = Vec::new();
     Builder::new().with_config(config).with_src(interface).generate().expect("C").write(&mut header);
-    String::from_utf8(header).expect("text")
+    let header = String::from_utf8(header).expect("text");
+    // Rust has no array arguments. With their length, a compiler can check definitions against the declaration.
+    header.replace("const double *before,", "const double before[3],").replace("const double *tip,", "const double tip[3],")
 }
 
 #[test]

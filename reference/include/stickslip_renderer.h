@@ -171,8 +171,8 @@ extern void *stickslip_renderer_swap(void *renderer, void *model);
 // Renders one tick, in which the tip moves from `before` to `tip`, m. Returns 0, or a fault of the renderer's own
 // number, which ends the run.
 extern int32_t stickslip_renderer_tick(void *renderer,
-                                       const double *before,
-                                       const double *tip,
+                                       const double before[3],
+                                       const double tip[3],
                                        struct stickslip_output *output);
 
 // Optional. Copies the nodes that the last tick has moved, with their positions and velocities, and returns their
