@@ -1,4 +1,4 @@
-//! Messages of the program about invalid scenes, meshes and recordings.
+//! Messages of the program about invalid scenes and meshes.
 
 use std::error::Error;
 use std::fs;
@@ -245,6 +245,7 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
         &["instrument.columns", "no effect"],
     ),
     ("a unit of a path", KIND, "kind = \"path\"\nscale = 0.001", &["instrument.scale", "no effect"]),
+    ("a unit of time of a path", KIND, "kind = \"path\"\ntime_scale = 0.001", &["instrument.time_scale", "no effect"]),
     (
         "a start of a device's waypoints",
         KIND,
@@ -514,76 +515,6 @@ fn missing_files_are_named() {
     assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
     assert!(stderr(&output).contains("none.csv"), "{}", stderr(&output));
     assert!(!out.exists());
-}
-
-#[test]
-fn bad_recordings_are_named_with_their_line() {
-    let folder = Folder::new("recordings");
-    let text = GOOD
-        .replace("kind = \"path\" ", "kind = \"recording\"\nfile = \"tip.csv\" ")
-        .replace("waypoints", "# waypoints");
-    let scene = folder.write("scene.toml", &text);
-    for (csv, word) in [
-        ("t,x,y\n0,0,0\n", "header"),
-        ("t,x,y,z\n0,0,0,zero\n", "line 2"),
-        ("t,x,y,z\n0,0,0,0.01\n0,0,0,0.01\n", "not later"),
-        ("t,x,y,z\n", "no waypoint"),
-        ("t,x,y,z\n0,0,0,NaN\n", "not finite"),
-    ] {
-        folder.write("tip.csv", csv);
-        let output = run(&scene, &folder.path("out"));
-        let message = stderr(&output).split_whitespace().collect::<Vec<_>>().join(" ");
-        assert_eq!(output.status.code(), Some(2), "{csv:?}: {message}");
-        assert!(message.contains(word), "{csv:?}: {message}");
-    }
-    folder.write("tip.csv", "t,x,y,z\n0,0,0,0.01\n0.5,0,0,-0.002\n");
-    assert_eq!(run(&scene, &folder.path("out")).status.code(), Some(0));
-    // Other columns, unit and clock record the same motion, and so give the same bytes.
-    let trace = |out: &str| std::fs::read(folder.path(out).join("trace.csv")).expect("a trace");
-    folder.write("log.csv", "n,px,py,pz,stamp\n0,0,0,10,7\n1,0,0,-2,7.5\n");
-    let others = "file = \"log.csv\"\ncolumns = [\"stamp\", \"px\", \"py\", \"pz\"]\nscale = 0.001\nstart = 7.0";
-    let other = folder.write("other.toml", &text.replace("file = \"tip.csv\"", others));
-    assert_eq!(run(&other, &folder.path("other")).status.code(), Some(0));
-    assert!(trace("out") == trace("other"), "the same motion");
-    for (wrong, word) in [
-        (others.replace("stamp", "time"), "no column `time`"),
-        (others.replace("0.001", "-1.0"), "instrument.scale"),
-        (others.replace("7.0", "nan"), "instrument.start"),
-        (format!("{others}\nfilter_hz = 0.0"), "instrument.filter_hz"),
-    ] {
-        let other = folder.write("other.toml", &text.replace("file = \"tip.csv\"", &wrong));
-        let output = run(&other, &folder.path("wrong"));
-        assert_eq!(output.status.code(), Some(2), "{wrong}");
-        assert!(stderr(&output).split_whitespace().collect::<Vec<_>>().join(" ").contains(word), "{wrong}");
-    }
-}
-
-/// A recording in mm, and one on another clock: the run completes, and its summary has what is suspicious by name.
-#[test]
-fn recordings_in_other_units_are_warned_of() {
-    let folder = Folder::new("recording-units");
-    let text = GOOD
-        .replace("kind = \"path\" ", "kind = \"recording\"\nfile = \"tip.csv\" ")
-        .replace("duration = 1.2", "duration = 0.4")
-        .replace("waypoints", "# waypoints");
-    let scene = folder.write("scene.toml", &text);
-    let codes = || -> Vec<String> {
-        let output = run(&scene, &folder.path("out"));
-        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-        let summary = fs::read(folder.path("out/summary.json")).expect("a summary");
-        let summary: serde_json::Value = serde_json::from_slice(&summary).expect("JSON");
-        let warnings = summary["warnings"].as_array().expect("a list");
-        assert!(warnings.iter().all(|w| stderr(&output).contains(w["message"].as_str().expect("a message"))));
-        warnings.iter().map(|warning| warning["code"].as_str().expect("a code").to_owned()).collect()
-    };
-    folder.write("tip.csv", "t,x,y,z\n0,0,0.0013,0.002\n0.2,0,0.0013,-0.003\n0.4,0.01,0.0013,-0.003\n");
-    assert_eq!(codes(), [""; 0]);
-    folder.write("tip.csv", "t,x,y,z\n0,0,1.3,2.0\n0.2,0,1.3,-3.0\n0.4,10,1.3,-3.0\n");
-    assert_eq!(codes(), ["patch-speed", "tip-far", "never-touches"]);
-    folder.write("tip.csv", "t,x,y,z\n1.7e9,0,0.0013,0.002\n1700000000.4,0,0.0013,-0.003\n");
-    assert_eq!(codes(), ["recording-outside-run", "never-touches"]);
-    folder.write("tip.csv", "t,x,y,z\n0,0,0.0013,0.002\n0.1,0,0.0013,-0.003\n");
-    assert_eq!(codes(), ["recording-outside-run"]);
 }
 
 /// Programs find the cause of an error as its source, whatever the error is wrapped in.

@@ -2,8 +2,11 @@
 
 mod bad_scenes;
 mod baselines;
+mod changes;
 mod compared;
+mod junit;
 mod printed;
+mod recorded_paths;
 #[cfg(all(feature = "realtime", target_os = "linux"))]
 mod recordings;
 mod report;

@@ -12,7 +12,20 @@ fn certify_measures_judges_and_leaves_what_can_be_done_again() {
     let folder = Folder::new("certify");
     let out = folder.path("out");
     let to = out.display().to_string();
-    let output = stickslip(&["certify", "fig5-stick-slip", "--duration", "1.5", "--rate", "2000", "--out", &to]);
+    let junit = folder.path("junit.xml");
+    let file = junit.display().to_string();
+    let output = stickslip(&[
+        "certify",
+        "fig5-stick-slip",
+        "--duration",
+        "1.5",
+        "--rate",
+        "2000",
+        "--out",
+        &to,
+        "--junit",
+        &file,
+    ]);
     let code = output.status.code();
     assert!(matches!(code, Some(0 | 1 | 3)), "{}", String::from_utf8_lossy(&output.stderr));
     let certificate: Value = serde_json::from_slice(&std::fs::read(out.join("certificate.json")).unwrap()).unwrap();
@@ -67,6 +80,8 @@ fn certify_measures_judges_and_leaves_what_can_be_done_again() {
         3
     };
     assert_eq!(code, Some(expected));
+    let number = |verdict: &str| verdicts.iter().filter(|found| **found == verdict).count();
+    assert_eq!(super::junit::counts(&junit).0, [3, number("FAIL"), number("INCONCLUSIVE")]);
     let page = std::fs::read_to_string(out.join("certificate.md")).unwrap();
     assert!(page.contains("response.svg") && out.join("response.svg").exists());
     assert!(page.contains("distribution.svg") && out.join("distribution.svg").exists());

@@ -130,7 +130,7 @@ pub use output::files::{FinishedRun, RunFilesError, run_into};
 #[cfg(feature = "files")]
 pub use output::summary::Summary;
 pub use pipeline::{AssemblyError, Lockstep, OwnParts, RunError, Simulation, TickView, run};
-pub use scene::{MeshSource, Problem, Scene, SceneError};
+pub use scene::{Change, ChangeError, MeshSource, Problem, Scene, SceneError};
 pub use surface::disc::DiscError;
 pub use surface::geometry::{ContactPoint, ContactSurface, SurfaceModel};
 pub use surface::support::Metric;

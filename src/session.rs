@@ -212,8 +212,11 @@ pub struct Session {
     pub version: String,
     /// Path of the scene; files that the scene names are relative to it, or else to the session's own file.
     pub scene_path: PathBuf,
-    /// The scene's TOML.
+    /// The scene's TOML, with all changes.
     pub scene: String,
+    /// Changes of single keys that the scene was read with, in their order; the TOML holds them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub changes: Vec<String>,
     /// Mesh and recording that the scene names.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub files: Vec<SessionFile>,
@@ -316,6 +319,7 @@ impl Session {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             scene_path: std::path::absolute(scene.path_name()).unwrap_or_else(|_| scene.path_name().to_owned()),
             scene: scene.text().unwrap_or_default().to_owned(),
+            changes: scene.changes(),
             files: scene
                 .named_files()
                 .into_iter()

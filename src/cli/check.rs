@@ -3,16 +3,19 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use clap::Args;
 use comfy_table::{Table, presets::UTF8_FULL_CONDENSED};
 use serde::Serialize;
 
+use super::junit::{JunitArguments, JunitCase, JunitSuite};
 use super::progress::Progress;
 use super::renderer::RendererArguments;
 use super::terminal::{complain, hand_out, say};
-use super::{FAIL, PASS, load, time};
+use super::{Changes, FAIL, PASS, load, time};
 use crate::output::files::{WriteError, write_json};
+use crate::output::verdict::Verdict;
 use crate::scene::{SHIPPED, Scene, SceneError};
 use crate::verify::accept::accept;
 use crate::verify::baseline::{Provenance, Store};
@@ -28,6 +31,8 @@ pub struct CheckArguments {
     /// Scene files or names of shipped scenes (default: all shipped scenes)
     #[arg(value_name = "SCENE")]
     scenes: Vec<PathBuf>,
+    #[command(flatten)]
+    changes: Changes,
     /// Output folder of check.json
     #[arg(long, value_name = "DIR", default_value = "reports/check")]
     out: PathBuf,
@@ -36,7 +41,7 @@ pub struct CheckArguments {
     #[arg(long, value_name = "DIR")]
     baselines: Option<PathBuf>,
     /// Accept the present results of a scene as its baseline
-    #[arg(long, value_name = "SCENE", requires = "reason", conflicts_with_all = ["scenes", "out", "time"])]
+    #[arg(long, value_name = "SCENE", requires = "reason", conflicts_with_all = ["scenes", "out", "time", "file"])]
     accept: Option<PathBuf>,
     /// Reason why the accepted results are right; kept in the baseline with the values that they replace
     #[arg(long, value_name = "TEXT", requires = "accept", value_parser = reason)]
@@ -46,7 +51,7 @@ pub struct CheckArguments {
     #[arg(long = "tolerance", value_name = "QUANTITY=SHARE", value_parser = tolerance)]
     tolerances: Vec<(String, f64)>,
     /// Also compare the run times of this program and another one; the verdict does not depend on them
-    #[arg(long, requires = "against")]
+    #[arg(long, requires = "against", conflicts_with = "changes")]
     time: bool,
     /// Program to compare run times with
     #[arg(long, value_name = "PROGRAM", requires = "time")]
@@ -54,6 +59,8 @@ pub struct CheckArguments {
     /// Rounds in which both programs and the control take a turn
     #[arg(long, value_name = "N", requires = "time", default_value_t = 40, value_parser = rounds)]
     rounds: usize,
+    #[command(flatten)]
+    junit: JunitArguments,
 }
 
 fn reason(text: &str) -> Result<String, String> {
@@ -136,6 +143,22 @@ impl Checked {
             comparisons,
         }
     }
+
+    /// Returns the verdict for continuous integration, with the quantities that fail.
+    fn case(&self, seconds: f64) -> JunitCase {
+        let failed = self.comparisons.iter().filter(|comparison| comparison.outcome == ComparisonOutcome::Fail);
+        let reason = |c: &Comparison| {
+            let tick = c.first_tick.map_or(String::new(), |tick| format!(", from tick {tick} on"));
+            format!("{}: {} in the baseline, {} now{tick}", c.quantity, value(&c.baseline), value(&c.now))
+        };
+        JunitCase {
+            name: self.scene.clone(),
+            class: "stickslip.check".to_owned(),
+            seconds: Some(seconds),
+            verdict: if self.verdict == verdict(true) { Verdict::Pass } else { Verdict::Fail },
+            reasons: self.problem.iter().cloned().chain(failed.map(reason)).collect(),
+        }
+    }
 }
 
 fn verdict(passes: bool) -> &'static str {
@@ -145,7 +168,7 @@ fn verdict(passes: bool) -> &'static str {
 pub fn check(arguments: &CheckArguments) -> miette::Result<u8> {
     let tolerances: BTreeMap<String, f64> = arguments.tolerances.iter().cloned().collect();
     if let (Some(scene), Some(reason)) = (&arguments.accept, &arguments.reason) {
-        return accept_results(scene, reason, &tolerances, arguments.baselines.as_deref());
+        return accept_results(scene, &arguments.changes, reason, &tolerances, arguments.baselines.as_deref());
     }
     if let Some(against) = &arguments.against {
         time::probe(against)?;
@@ -154,19 +177,23 @@ pub fn check(arguments: &CheckArguments) -> miette::Result<u8> {
     let scenes = if arguments.scenes.is_empty() { shipped.collect() } else { arguments.scenes.clone() };
     // All scenes are read before the first one runs.
     let loaded: Vec<Scene> =
-        scenes.iter().map(|scene| load(scene, &RendererArguments::default())).collect::<Result<_, SceneError>>()?;
+        scenes.iter().map(|scene| load(scene, &arguments.changes, &RendererArguments::default())).collect::<Result<_, SceneError>>()?;
     let store = match &arguments.baselines {
         Some(folder) => Store::Folder(folder.clone()),
         None if Path::new(IN_CLONE).is_dir() => Store::Folder(IN_CLONE.into()),
         None => Store::Program,
     };
 
+    arguments.junit.prepare()?;
     let mut progress = Progress::new(loaded.iter().map(|scene| scene.tick_count()).sum(), "ticks");
     let mut checked = Vec::with_capacity(loaded.len());
+    let mut seconds = Vec::with_capacity(loaded.len());
     for scene in &loaded {
         progress.begin(&scene.name);
+        let start = Instant::now();
         let results = Results::of(scene, |ticks| progress.set(ticks))?;
         progress.end(scene.tick_count());
+        seconds.push(start.elapsed().as_secs_f64());
         checked.push(Checked::new(&store, scene, &results, &tolerances));
     }
     drop(progress);
@@ -192,6 +219,10 @@ pub fn check(arguments: &CheckArguments) -> miette::Result<u8> {
     let version = env!("CARGO_PKG_VERSION");
     let file = CheckFile { version, verdict: verdict(passes), baselines, scenes: &checked, times };
     write_json(&out.join("check.json"), &file)?;
+    arguments.junit.write(|| JunitSuite {
+        name: "stickslip check",
+        cases: checked.iter().zip(&seconds).map(|(scene, &seconds)| scene.case(seconds)).collect(),
+    })?;
     hand_out(&file)?;
     Ok(if passes { PASS } else { FAIL })
 }
@@ -214,11 +245,12 @@ fn known<'a>(
 
 fn accept_results(
     scene: &Path,
+    changes: &Changes,
     reason: &str,
     tolerances: &BTreeMap<String, f64>,
     folder: Option<&Path>,
 ) -> miette::Result<u8> {
-    let scene = load(scene, &RendererArguments::default())?;
+    let scene = load(scene, changes, &RendererArguments::default())?;
     let folder = match folder {
         Some(folder) => folder,
         None if Path::new(IN_CLONE).is_dir() => Path::new(IN_CLONE),

@@ -6,12 +6,13 @@ use serde::Serialize;
 
 use super::renderer::RendererArguments;
 use super::terminal::{hand_out, say, significant};
-use super::{PASS, read};
+use super::{Changes, PASS, read};
 use crate::dynamics::integrators::GlobalIntegrator;
 use crate::local::condensation::CondensationOutcome;
 use crate::local::model::Linearization;
 use crate::local::step::LinearStep;
 use crate::output::device_facts::DeviceFacts;
+use crate::output::recording_facts::RecordingFacts;
 use crate::output::time_steps::{TimeStep, TimeSteps};
 use crate::output::warnings::before_run;
 use crate::pipeline::Simulation;
@@ -20,6 +21,8 @@ use crate::scene::{Scene, Warning};
 #[derive(Serialize)]
 struct Explanation {
     scene: String,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    changes: Vec<String>,
     sizes: Sizes,
     needed: Vec<String>,
     left_out: Vec<String>,
@@ -29,6 +32,9 @@ struct Explanation {
     global_step: TimeStep,
     #[serde(skip_serializing_if = "Option::is_none")]
     device: Option<DeviceFacts>,
+    /// The recorded motion; absent if the path is not recorded.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    recording: Option<RecordingFacts>,
     warnings: Vec<Warning>,
 }
 
@@ -85,8 +91,8 @@ struct CondensationCost {
     factor_multiply_adds: u64,
 }
 
-pub fn explain(scene: &Path, renderer: &RendererArguments) -> miette::Result<u8> {
-    let explanation = explanation(&renderer.apply(read(scene)?.0))?;
+pub fn explain(scene: &Path, changes: &Changes, renderer: &RendererArguments) -> miette::Result<u8> {
+    let explanation = explanation(&renderer.apply(read(scene, changes)?.0))?;
     hand_out(&explanation)?;
     say(text(&explanation))?;
     Ok(PASS)
@@ -102,6 +108,7 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
     let device = DeviceFacts::new(scene, &simulation);
     Ok(Explanation {
         scene: scene.name.clone(),
+        changes: scene.changes(),
         sizes: sizes(scene, &simulation),
         needed: named(true),
         left_out: named(false),
@@ -110,6 +117,7 @@ fn explanation(scene: &Scene) -> miette::Result<Explanation> {
         local_step,
         global_step,
         device,
+        recording: RecordingFacts::new(scene),
         warnings,
     })
 }
@@ -248,6 +256,10 @@ fn text(e: &Explanation) -> String {
     if let Some(device) = &e.device {
         line("\nInstrument".to_owned());
         device.lines().into_iter().for_each(&mut line);
+    }
+    if let Some(recording) = &e.recording {
+        line("\nRecording".to_owned());
+        recording.lines().into_iter().for_each(&mut line);
     }
     for warning in &e.warnings {
         line(format!("\nWarning: {warning}"));

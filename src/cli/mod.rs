@@ -5,11 +5,13 @@ mod accuracy;
 #[cfg(all(feature = "realtime", target_os = "linux"))]
 mod certify;
 mod check;
+mod conform;
 mod diagnostic;
 mod explain;
 #[cfg(all(feature = "external", target_os = "linux"))]
 mod external;
 mod interrupt;
+mod junit;
 mod manual;
 mod page;
 mod progress;
@@ -27,7 +29,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{Args, Parser, Subcommand};
 use miette::Report;
 
 use self::renderer::RendererArguments;
@@ -35,7 +37,7 @@ use self::report::ReportArguments;
 use self::terminal::{Asked, complain, say};
 use crate::output::files::{RunFilesError, WriteError};
 use crate::output::folder::ResultFolder;
-use crate::scene::{Expectation, SHIPPED, Scene, SceneError, Warning};
+use crate::scene::{Change, Expectation, SHIPPED, Scene, SceneError, Warning};
 use crate::verify::accept::AcceptError;
 
 /// No verdict is FAIL or INCONCLUSIVE, and no fault ended a run.
@@ -91,6 +93,8 @@ enum Command {
         /// A scene file or the name of a shipped scene
         scene: PathBuf,
         #[command(flatten)]
+        changes: Changes,
+        #[command(flatten)]
         renderer: RendererArguments,
     },
     /// Judge the stability of a scene along its path, and compare limits with predictions
@@ -108,6 +112,8 @@ enum Command {
         /// A scene file or the name of a shipped scene
         #[arg(default_value = "fig5-stick-slip")]
         scene: PathBuf,
+        #[command(flatten)]
+        changes: Changes,
         /// Output folder (default: reports/SCENE)
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
@@ -144,6 +150,16 @@ enum Command {
         Example: stickslip certify fig5-stick-slip --duration 60 --load cpu --out /tmp/certificate"
     )]
     Certify(certify::CertifyArguments),
+    /// Check the properties that every haptic renderer has
+    #[command(
+        after_help = "Presses, drags, taps, strokes, lifts off and teleports the tip where the scene's path first touches \
+        the body, and checks forces, energy and cost of the renderer: the scene's own local model, or with --renderer that \
+        of a shared library. Nothing is compared with a reference. Writes DIR/conformance.json and DIR/index.html.\n\n\
+        Exit codes: 0 all properties hold; 1 one does not; 2 usage, scene, library or file error; 3 none fails, and one \
+        could not be decided.\n\n\
+        Example: stickslip conform fig5-stick-slip --renderer ./libmine.so --renderer-options rings=2"
+    )]
+    Conform(conform::ConformArguments),
     /// Repeat recorded ticks, bit for bit
     #[command(
         after_help = "FILE is the session.json that `certify`, or `run` with `run.schedule = \"threads\"`, wrote. \
@@ -215,12 +231,15 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let done = match command.unwrap_or_else(|| Command::Report(ReportArguments::default())) {
         Command::Report(arguments) => report::report(&arguments),
         Command::Run(arguments) => run::run(&arguments),
-        Command::Stability { scene, out, renderer } => stability::stability(&scene, out, &renderer),
-        Command::Explain { scene, renderer } => explain::explain(&scene, &renderer),
+        Command::Stability { scene, changes, out, renderer } => {
+            stability::stability(&scene, &changes, out, &renderer)
+        }
+        Command::Explain { scene, changes, renderer } => explain::explain(&scene, &changes, &renderer),
         Command::Check(arguments) => check::check(&arguments),
         Command::Accuracy(arguments) => accuracy::accuracy(&arguments),
         #[cfg(all(feature = "realtime", target_os = "linux"))]
         Command::Certify(arguments) => certify::certify(&arguments),
+        Command::Conform(arguments) => conform::conform(&arguments),
         Command::Replay { file } => replay::replay(&file),
         #[cfg(all(feature = "external", target_os = "linux"))]
         Command::ServeRenderer { library } => external::serve(&library),
@@ -240,16 +259,31 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
 }
 
 /// Returns which option of the command line the advice on an error is about; the library knows none.
-fn option(error: &Report) -> Option<&'static str> {
-    if error.is::<WriteError>() || matches!(error.downcast_ref(), Some(RunFilesError::Write(_))) {
-        return Some("Option: --out DIR");
+fn option(error: &Report) -> Option<String> {
+    let scene_error = match error.downcast_ref() {
+        Some(RunFilesError::Scene(error)) => Some(error),
+        _ => error.downcast_ref::<SceneError>(),
+    };
+    if let Some(change) = scene_error.and_then(SceneError::change) {
+        return Some(format!("Option: --set {}", diagnostic::printable(&change.to_string())));
     }
-    matches!(error.downcast_ref(), Some(AcceptError::NoReason)).then_some("Option: --reason TEXT")
+    if error.is::<WriteError>() || matches!(error.downcast_ref(), Some(RunFilesError::Write(_))) {
+        return Some("Option: --out DIR".to_owned());
+    }
+    matches!(error.downcast_ref(), Some(AcceptError::NoReason)).then(|| "Option: --reason TEXT".to_owned())
+}
+
+/// Changes of a command's scene.
+#[derive(Debug, Default, Args)]
+struct Changes {
+    /// Set a key of the scene, such as contact.friction=0.5 or mesh.nodes=[9,9,4]; a bare word is a string (can be repeated)
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    changes: Vec<Change>,
 }
 
 /// Reads a scene like [`read`] and prints its warnings on standard error.
-fn load(scene: &Path, renderer: &RendererArguments) -> Result<Scene, SceneError> {
-    let (scene, _) = read(scene)?;
+fn load(scene: &Path, changes: &Changes, renderer: &RendererArguments) -> Result<Scene, SceneError> {
+    let (scene, _) = read(scene, changes)?;
     warn(&scene.warnings());
     Ok(renderer.apply(scene))
 }
@@ -261,12 +295,15 @@ fn warn(warnings: &[Warning]) {
     }
 }
 
-/// Reads a scene file, or else the shipped scene of that name with its expected end.
-fn read(scene: &Path) -> Result<(Scene, Option<Expectation>), SceneError> {
+/// Reads a scene file, or else the shipped scene of that name with its expected end, which a changed scene does not have.
+fn read(scene: &Path, Changes { changes }: &Changes) -> Result<(Scene, Option<Expectation>), SceneError> {
     let shipped = SHIPPED.iter().find(|shipped| scene.as_os_str() == shipped.name);
     let (scene, expectation) = match shipped {
-        Some(shipped) if !scene.exists() => (Scene::parse(shipped.text, scene)?, Some(shipped.expectation)),
-        _ => (Scene::load(scene)?, None),
+        Some(shipped) if !scene.exists() => {
+            let expectation = changes.is_empty().then_some(shipped.expectation);
+            (Scene::parse_with(shipped.text, scene, changes)?, expectation)
+        }
+        _ => (Scene::load_with(scene, changes)?, None),
     };
     Ok((RendererArguments::default().apply(scene), expectation))
 }

@@ -9,7 +9,7 @@ use clap::Args;
 use super::progress::Progress;
 use super::renderer::RendererArguments;
 use super::terminal::{complain, hand_out, say};
-use super::{FAIL, INCONCLUSIVE, PASS, read, table, warn};
+use super::{Changes, FAIL, INCONCLUSIVE, PASS, read, table, warn};
 use crate::local::model::Linearization;
 use crate::model::springs::TangentKind;
 use crate::multirate::failsafe::FaultCause;
@@ -32,6 +32,8 @@ const FOLDED_ADVICE: &str = "give `contact.adhesion`, a `contact.radius`, more `
 pub struct RunArguments {
     /// A scene file or the name of a shipped scene
     scene: PathBuf,
+    #[command(flatten)]
+    changes: Changes,
     /// Output folder (default: reports/SCENE)
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -43,7 +45,7 @@ pub struct RunArguments {
 }
 
 pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
-    let scene = arguments.renderer.apply(read(&arguments.scene)?.0);
+    let scene = arguments.renderer.apply(read(&arguments.scene, &arguments.changes)?.0);
     let out = arguments.out.clone().unwrap_or_else(|| Path::new("reports").join(&scene.name));
     let mut progress = Progress::new(scene.tick_count(), "ticks");
     progress.begin(&scene.name);

@@ -17,7 +17,7 @@ use super::page::{self, Row};
 use super::progress::Progress;
 use super::renderer::RendererArguments;
 use super::terminal::{hand_out, say, significant};
-use super::{FAIL, INCONCLUSIVE, PASS, folder, load};
+use super::{Changes, FAIL, INCONCLUSIVE, PASS, folder, load};
 use crate::output::files::{write_file, write_json};
 use crate::output::verdict::Verdict;
 use crate::pipeline::Simulation;
@@ -38,6 +38,8 @@ const PATIENCE: Duration = Duration::from_secs(300);
 pub struct StabilityFile {
     version: &'static str,
     scene: String,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    changes: Vec<String>,
     /// Whether the verdict is PASS.
     passes: bool,
     /// The worst of the findings.
@@ -76,8 +78,13 @@ struct ExtremeEntry {
     as_expected: bool,
 }
 
-pub fn stability(scene: &Path, out: Option<PathBuf>, renderer: &RendererArguments) -> miette::Result<u8> {
-    let scene = load(scene, renderer)?;
+pub fn stability(
+    scene: &Path,
+    changes: &Changes,
+    out: Option<PathBuf>,
+    renderer: &RendererArguments,
+) -> miette::Result<u8> {
+    let scene = load(scene, changes, renderer)?;
     Simulation::prepare(&scene)?;
     let folder = folder(out, &scene, &["stability.json", "index.html"])?;
     let out = folder.path();
@@ -188,6 +195,7 @@ fn look(scene: &Scene, coverage: Coverage) -> miette::Result<StabilityFile> {
     Ok(StabilityFile {
         version: env!("CARGO_PKG_VERSION"),
         scene: scene.name.clone(),
+        changes: scene.changes(),
         passes: verdict == Verdict::Pass,
         verdict,
         reasons,

@@ -7,3 +7,4 @@ pub mod path;
 pub mod phantom;
 #[cfg(feature = "files")]
 pub mod recording;
+pub mod sampling;

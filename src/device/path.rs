@@ -139,13 +139,23 @@ pub enum PathError {
         /// First line of the file.
         found: String,
     },
-    /// A field of the recording is not a number.
-    #[error("line {line}: `{text}` is not a number")]
+    /// A field of the recording is not a finite number.
+    #[error("line {line}: `{text}` is not a finite number")]
     NotANumber {
         /// Line of the file, from 1.
         line: u64,
         /// The field.
         text: String,
+    },
+    /// The clock of the recording stands still or goes backwards.
+    #[error("line {line}: its time, {time} s, is not later than that of the sample before it, {before} s")]
+    ClockBackwards {
+        /// Line of the file, from 1.
+        line: u64,
+        /// Time of the sample on the file's clock, s.
+        time: f64,
+        /// Time of the sample before, s.
+        before: f64,
     },
 }
 
@@ -181,6 +191,11 @@ impl TipPath {
     /// Returns the path through the same waypoints with another motion between them.
     pub fn with_interpolation(self, interpolation: Interpolation) -> Self {
         Self { interpolation, ..self }
+    }
+
+    /// Returns the motion between waypoints.
+    pub fn interpolation(&self) -> Interpolation {
+        self.interpolation
     }
 
     /// Records the file that the path was read from.

@@ -14,24 +14,26 @@ const COLUMNS: [&str; 4] = ["t", "x", "y", "z"];
 /// ```
 /// use stickslip::{Vec3, device::recording::Recording};
 ///
-/// // A tracker's log: its own columns and clock, in mm.
+/// // A tracker's log: its own columns and clock, in mm and ms.
 /// let folder = tempfile::tempdir()?;
 /// let file = folder.path().join("tracker.csv");
-/// std::fs::write(&file, "stamp,grip,px,py,pz\n12.3,0,0,0,2\n12.5,1,0,0,-3\n")?;
+/// std::fs::write(&file, "stamp,grip,px,py,pz\n12300,0,0,0,2\n12500,1,0,0,-3\n")?;
 /// let columns = ["stamp", "px", "py", "pz"].map(str::to_owned);
-/// let path = Recording { columns: Some(columns), scale: 1e-3, start_s: 12.3, filter_hz: None }.read(&file)?;
+/// let path = Recording { columns: Some(columns), scale: 1e-3, time_scale: 1e-3, start_s: 12.3, filter_hz: None }.read(&file)?;
 /// assert!((path.at(0.0) - Vec3::z() * 2e-3).norm() < 1e-15);
 /// assert!((path.end() - 0.2).abs() < 1e-12);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recording {
-    /// Names of the columns with the time, s, and the position; other columns are ignored. Without names the file has the
+    /// Names of the columns with the time and the position; other columns are ignored. Without names the file has the
     /// four columns `t,x,y,z` and no other.
     pub columns: Option<[String; 4]>,
     /// Length of the file's unit, m.
     pub scale: f64,
-    /// Time on the file's clock at which the path starts, s.
+    /// Duration of the file's unit of time, s.
+    pub time_scale: f64,
+    /// Time on the file's clock, converted to s, at which the path starts.
     pub start_s: f64,
     /// Frequency at which a low-pass without phase lag halves the amplitude, Hz; without it positions are taken as recorded.
     pub filter_hz: Option<f64>,
@@ -40,7 +42,7 @@ pub struct Recording {
 impl Default for Recording {
     /// Columns `t,x,y,z` in s and m, with the scene's clock, unfiltered.
     fn default() -> Self {
-        Self { columns: None, scale: 1.0, start_s: 0.0, filter_hz: None }
+        Self { columns: None, scale: 1.0, time_scale: 1.0, start_s: 0.0, filter_hz: None }
     }
 }
 
@@ -48,23 +50,30 @@ impl Recording {
     /// Reads a recording.
     ///
     /// # Errors
-    /// If the file cannot be read, lacks a column, has anything but numbers in the columns, or its times do not ascend. The
-    /// error names the line of a field that is not a number, and the waypoint of a time that does not ascend.
+    /// If the file cannot be read, lacks a column, has anything but finite numbers in the columns, or its times do not ascend.
+    /// The error names the line.
     pub fn read(&self, path: &Path) -> Result<TipPath, PathError> {
         let file = File::open(path).map_err(|error| PathError::Unreadable { path: path.to_owned(), error })?;
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
         let indices = self.indices(reader.headers()?)?;
         let mut waypoints = Vec::new();
+        let mut before = f64::NEG_INFINITY;
         for record in reader.records() {
             let record = record?;
+            let line = record.position().map_or(0, csv::Position::line);
             let number = |index: usize| {
-                let line = record.position().map_or(0, csv::Position::line);
                 let text = record.get(index).unwrap_or_default();
-                text.parse::<f64>().map_err(|_| PathError::NotANumber { line, text: text.to_owned() })
+                let number = text.parse().ok().filter(|number: &f64| number.is_finite());
+                number.ok_or_else(|| PathError::NotANumber { line, text: text.to_owned() })
             };
             let [time, x, y, z] = indices.map(number);
             let position = Vec3::new(x?, y?, z?) * self.scale;
-            waypoints.push(Waypoint { time: time? - self.start_s, position });
+            let time = time? * self.time_scale;
+            if !(time > before) {
+                return Err(PathError::ClockBackwards { line, time, before });
+            }
+            before = time;
+            waypoints.push(Waypoint { time: time - self.start_s, position });
         }
         // The filter needs times that ascend.
         let path_as_recorded = TipPath::new(waypoints.clone())?;

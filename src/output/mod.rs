@@ -7,6 +7,7 @@ pub mod files;
 pub mod folder;
 pub mod frames;
 pub mod measures;
+pub mod recording_facts;
 pub mod spectrum;
 pub mod summary;
 pub mod time_steps;

@@ -225,6 +225,9 @@ pub struct EnergySummary {
 pub struct Summary {
     /// Name of the scene.
     pub scene: String,
+    /// Changes of single keys that the scene was read with, in their order.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub changes: Vec<String>,
     /// Version of the program.
     pub version: &'static str,
     /// Whether the run reached its duration.
@@ -377,6 +380,7 @@ impl Recorder {
         let time = samples.last().map_or(0.0, |sample| sample.time);
         let summary = Summary {
             scene: scene.name.clone(),
+            changes: scene.changes(),
             version: env!("CARGO_PKG_VERSION"),
             completed: fault.is_none(),
             reproduced: None,

@@ -7,8 +7,10 @@ use std::path::PathBuf;
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
 use thiserror::Error;
 
+use super::change::Change;
 use super::keys::accepted;
 use super::place::place;
+use super::source::{Origin, Source};
 use crate::device::coupled::InstrumentError;
 use crate::device::path::PathError;
 use crate::dynamics::settle::SettleError;
@@ -265,19 +267,32 @@ pub(super) struct Detail {
     pub problem: Problem,
     pub source: Option<NamedSource<String>>,
     pub span: Option<Range<usize>>,
+    /// The change that the error is in; it is then the source.
+    pub change: Option<Change>,
     pub help: Option<String>,
 }
 
 impl SceneError {
     /// Builds the error of a scene that was read from `source`, or of one that was built in Rust (`None`).
-    pub(super) fn new(problem: Problem, source: Option<&NamedSource<String>>) -> Self {
-        let span = source.zip(problem.key()).and_then(|(source, key)| place(source.inner(), key, problem.index()));
+    pub(super) fn new(problem: Problem, source: Option<&Source>) -> Self {
         let help = problem.advice();
-        Self { detail: Box::new(Detail { problem, source: source.cloned(), span, help }) }
+        let error = match source {
+            Some(source) => {
+                let span = problem.key().and_then(|key| place(source.text(), key, problem.index()));
+                Self::at(problem, source, span)
+            }
+            None => Self { detail: Box::new(Detail { problem, source: None, span: None, change: None, help: None }) },
+        };
+        Self { detail: Box::new(Detail { help, ..*error.detail }) }
     }
 
-    pub(super) fn at(problem: Problem, source: NamedSource<String>, span: Option<Range<usize>>) -> Self {
-        Self { detail: Box::new(Detail { problem, source: Some(source), span, help: None }) }
+    /// Builds the error of a place in a scene's text with all changes.
+    pub(super) fn at(problem: Problem, source: &Source, span: Option<Range<usize>>) -> Self {
+        let (source, span, change) = match span.map(|span| source.origin(span)) {
+            Some(Origin { source, span, change }) => (source, Some(span), change),
+            None => (source.file().clone(), None, None),
+        };
+        Self { detail: Box::new(Detail { problem, source: Some(source), span, change, help: None }) }
     }
 
     pub(super) fn with_help(mut self, help: impl Into<String>) -> Self {
@@ -288,6 +303,11 @@ impl SceneError {
     /// Returns the problem.
     pub fn problem(&self) -> &Problem {
         &self.detail.problem
+    }
+
+    /// Returns the change of the scene that the error is in; `None` for an error in the scene's file.
+    pub fn change(&self) -> Option<&Change> {
+        self.detail.change.as_ref()
     }
 }
 

@@ -161,6 +161,7 @@ pub struct InstrumentTable {
     pub file: Option<String>,
     pub columns: Option<[String; 4]>,
     pub scale: Option<f64>,
+    pub time_scale: Option<f64>,
     pub start: Option<f64>,
     pub filter_hz: Option<f64>,
     pub interpolation: Option<Interpolation>,

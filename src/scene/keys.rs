@@ -219,7 +219,14 @@ const KEYS: &[(&str, Accepts)] = &[
         ),
     ),
     ("instrument.scale", Text("a finite number above 0, in m (default 1): length of the unit of `file`; 0.001 for mm")),
-    ("instrument.start", Text("a finite number, in s (default 0): time in `file` at which the scene starts")),
+    (
+        "instrument.time_scale",
+        Text("a finite number above 0, in s (default 1): duration of the unit of time of `file`; 0.001 for ms"),
+    ),
+    (
+        "instrument.start",
+        Text("a finite number, in s (default 0): time in `file`, after `time_scale`, at which the scene starts"),
+    ),
     (
         "instrument.filter_hz",
         Text(

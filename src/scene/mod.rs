@@ -1,6 +1,7 @@
 //! Scenes: the settings of a simulation, read from TOML or built in Rust, and checked before anything else is built.
 
 mod build;
+mod change;
 mod check;
 mod error;
 mod file;
@@ -13,13 +14,13 @@ mod parts;
 mod place;
 mod read;
 mod shipped;
+mod source;
 mod warning;
 mod words;
 
 use std::path::Path;
 
-use miette::NamedSource;
-
+pub use change::{Change, ChangeError};
 #[cfg(feature = "files")]
 pub(crate) use check::MOST_REAL_TIME_HZ;
 pub use error::{Problem, SceneError};
@@ -30,6 +31,7 @@ pub use warning::Warning;
 pub use words::{ExteriorName, LawName, LinearizationName, LocalModelName, Rings, SchemeName};
 
 use place::nearest;
+use source::Source;
 
 use crate::contact::rules::ContactRules;
 use crate::device::instrument::InstrumentKind;
@@ -111,7 +113,7 @@ pub struct Scene {
     /// A renderer in a library, in place of the local model, scheme and law.
     renderer: Option<RendererLibrary>,
     /// The text that the scene was read from, for errors that only show when the simulation is prepared.
-    source: Option<NamedSource<String>>,
+    source: Option<Source>,
 }
 
 /// Lockstep in virtual time, or threads in real time.
@@ -161,6 +163,14 @@ impl Scene {
     /// # Errors
     /// If the file is missing or is not a scene, with file, line, column and accepted values.
     pub fn load(path: &Path) -> Result<Self, SceneError> {
+        Self::load_with(path, &[])
+    }
+
+    /// Reads a scene file with changes of its keys, as [`parse_with`](Self::parse_with) does.
+    ///
+    /// # Errors
+    /// Those of [`load`](Self::load); an error in a change has the change in the place of file, line and column.
+    pub fn load_with(path: &Path, changes: &[Change]) -> Result<Self, SceneError> {
         let text = std::fs::read_to_string(path).map_err(|error| {
             let names = SHIPPED.iter().map(|shipped| shipped.name);
             let meant = path.to_str().and_then(|name| nearest(name, names.clone()));
@@ -171,7 +181,7 @@ impl Scene {
             );
             SceneError::new(Problem::Unreadable { path: path.to_owned(), error }, None).with_help(help)
         })?;
-        Self::parse(&text, path)
+        Self::parse_with(&text, path, changes)
     }
 
     /// Reads a scene from text. `path` names it in errors; files that it mentions are relative to `path`.
@@ -179,7 +189,16 @@ impl Scene {
     /// # Errors
     /// If the text is not a scene, with file, line, column and accepted values.
     pub fn parse(text: &str, path: &Path) -> Result<Self, SceneError> {
-        read::scene(text, path)
+        Self::parse_with(text, path, &[])
+    }
+
+    /// Reads a scene from text in which changes are made first, in their order. [`text`](Self::text) is the changed text, and
+    /// so is what hashes and recorded sessions hold.
+    ///
+    /// # Errors
+    /// Those of [`parse`](Self::parse); an error in a change has the change in the place of file, line and column.
+    pub fn parse_with(text: &str, path: &Path, changes: &[Change]) -> Result<Self, SceneError> {
+        read::scene(Source::new(text, path, changes)?, path)
     }
 
     /// Returns a scene that is shipped with the program, by its name.
@@ -285,9 +304,14 @@ impl Scene {
         Path::new(self.source.as_ref().map_or(&*self.name, |source| source.name()))
     }
 
-    /// Returns the TOML that the scene was read from; `None` if it was built.
+    /// Returns the TOML that the scene was read from, with all changes; `None` if it was built.
     pub fn text(&self) -> Option<&str> {
-        self.source.as_ref().map(|source| source.inner().as_str())
+        self.source.as_ref().map(Source::text)
+    }
+
+    /// Returns the changes that were made in the scene's text before it was read, as they were asked for.
+    pub fn changes(&self) -> Vec<String> {
+        self.source.iter().flat_map(Source::changes).map(ToString::to_string).collect()
     }
 
     /// Returns the timeline in virtual time: when models arrive and which ticks are late.

@@ -10,14 +10,13 @@ mod timing;
 
 use std::path::Path;
 
-use miette::NamedSource;
-
 use super::build::default_force_limit_n;
 use super::check::{check, whole_ticks};
 use super::error::{Problem, SceneError};
 use super::file::*;
 use super::keys::{accepted, known_words};
 use super::place::nearest;
+use super::source::Source;
 use super::words::{LawName, LocalModelName, SchemeName};
 use super::{DEFAULT_GLOBAL_RATE_HZ, DEFAULT_LOCAL_RATE_HZ, Scene, Schedule, check};
 use crate::contact::law::{Friction, Law};
@@ -27,8 +26,7 @@ use crate::local::step::LocalIntegrator;
 
 type Read<T = ()> = Result<T, Problem>;
 
-pub(super) fn scene(text: &str, path: &Path) -> Result<Scene, SceneError> {
-    let source = NamedSource::new(path.display().to_string(), text.to_owned());
+pub(super) fn scene(source: Source, path: &Path) -> Result<Scene, SceneError> {
     let file = deserialize(&source)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let scene = assemble(file, folder).and_then(|scene| check(&scene).map(|()| scene));
@@ -38,11 +36,10 @@ pub(super) fn scene(text: &str, path: &Path) -> Result<Scene, SceneError> {
     }
 }
 
-fn deserialize(source: &NamedSource<String>) -> Result<SceneFile, SceneError> {
-    let text = source.inner();
-    let syntax = |error: &toml::de::Error| {
-        SceneError::at(Problem::Syntax(error.message().to_owned()), source.clone(), error.span())
-    };
+fn deserialize(source: &Source) -> Result<SceneFile, SceneError> {
+    let text = source.text();
+    let syntax =
+        |error: &toml::de::Error| SceneError::at(Problem::Syntax(error.message().to_owned()), source, error.span());
     let deserializer = toml::Deserializer::parse(text).map_err(|error| syntax(&error))?;
     serde_path_to_error::deserialize(deserializer).map_err(|error| {
         let mut path: Vec<String> = error

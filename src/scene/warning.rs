@@ -5,6 +5,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::Scene;
+use crate::device::sampling::Sampling;
 
 /// Speed of a tip, m/s, that no hand reaches.
 const LARGEST_SPEED_M_PER_S: f64 = 50.0;
@@ -33,7 +34,7 @@ impl fmt::Display for Warning {
     }
 }
 
-/// Returns the warnings about a scene's motion: its speed, and a recording outside the run.
+/// Returns the warnings about a scene's motion: its speed, and a recording with gaps or outside the run.
 pub(super) fn of_motion(scene: &Scene) -> Vec<Warning> {
     let mut warnings = Vec::new();
     let speed = scene.path.top_speed();
@@ -47,6 +48,22 @@ pub(super) fn of_motion(scene: &Scene) -> Vec<Warning> {
         ));
     }
     if let (Some(file), [first, .., last]) = (scene.path.recording(), scene.path.waypoints()) {
+        let sampling = Sampling::of(&scene.path);
+        if let (1.., Some(usual)) = (sampling.gaps, sampling.usual_interval_s) {
+            let others =
+                if sampling.gaps > 1 { format!(" (the longest of {} gaps)", sampling.gaps) } else { String::new() };
+            warnings.push(Warning::new(
+                "recording-gap",
+                format!(
+                    "the recording {} has no sample for {:.3} s from {:.3} s on{others}, where {:.3e} s are usual: the tip moves \
+                     through as between any two samples",
+                    file.display(),
+                    sampling.longest_interval_s,
+                    sampling.longest_from_s,
+                    usual
+                ),
+            ));
+        }
         let end = scene.duration_s();
         let covered = (last.time.min(end) - first.time.max(0.0)).max(0.0) / end;
         if !(covered >= LEAST_COVERED) {
@@ -54,7 +71,8 @@ pub(super) fn of_motion(scene: &Scene) -> Vec<Warning> {
                 "recording-outside-run",
                 format!(
                     "the recording {} covers {} to {} s and the scene 0 to {end} s: the tip stands still for {:.0} % of the \
-                     run; `instrument.start` is the recording's time at which the scene starts, `duration` its length",
+                     run; `instrument.start` is the recording's time at which the scene starts, `instrument.time_scale` its unit of \
+                     time, `duration` the scene's length",
                     file.display(),
                     first.time,
                     last.time,

@@ -57,6 +57,9 @@ pub struct Provenance {
     pub version: String,
     /// SHA-256 of the scene's settings, without comments and layout, and of the files that it names; in hexadecimal.
     pub scene_sha256: String,
+    /// Changes of single keys that the scene was read with, in their order; the hash is that of the changed scene.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub changes: Vec<String>,
     /// Architecture and operating system.
     pub target: String,
     /// Vector instructions that the compiler was allowed to use.
@@ -201,6 +204,7 @@ impl Provenance {
         Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             scene_sha256: sha256(meaning.as_bytes()),
+            changes: scene.changes(),
             target: format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS),
             compiled_features: listed(&[
                 ("sse2", cfg!(target_feature = "sse2")),

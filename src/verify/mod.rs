@@ -9,6 +9,7 @@ pub mod baseline;
 pub mod buzz;
 pub mod certificate;
 pub mod compare;
+pub mod conformance;
 pub mod contact_limits;
 pub mod elasticity;
 pub mod extremes;

@@ -1,5 +1,6 @@
 """Contact geometry on the Loop limit surface: location, normals, nearest points, inside and outside, collision."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,7 +8,7 @@ from scipy import sparse
 from scipy.optimize import brentq
 
 from .subdivision import Subdivision
-from .surface import DISTANCE_TOLERANCE, Point, Surface
+from .surface import DISTANCE_TOLERANCE, Point, Surface, cross
 
 STATIONARITY = 1e-12  # of a triangle's edge: the offset's part along the surface
 POLISHING = 2  # Newton steps after that, which take it to round-off
@@ -42,12 +43,14 @@ class LimitSurface(Surface):
         super().__init__(triangles)
         self.subdivision = Subdivision(self.triangles)
         self.borders()
-        supports = [self.subdivision.patch(triangle)[0] for triangle in range(len(self.triangles))]
-        widest = max(len(nodes) for nodes in supports)
-        self.hulls = np.array([np.pad(nodes, (0, widest - len(nodes)), mode="edge") for nodes in supports])
+        patches = [self.subdivision.patch(triangle) for triangle in range(len(self.triangles))]
+        widest = max(len(nodes) for nodes, _ in patches)
+        self.control_hulls = np.array([np.pad(nodes, (0, widest - len(nodes)), mode="edge") for nodes, _ in patches])
+        self.regular = np.array([neighbourhood.is_regular() for _, neighbourhood in patches])
         counts = [(SAMPLES - i - j, i, j) for i in range(SAMPLES + 1) for j in range(SAMPLES + 1 - i)]
         self.starts = np.array(counts) / SAMPLES
-        bases = [self.subdivision.basis(triangle, start) for triangle in range(len(self.triangles)) for start in self.starts]
+        self.bezier = np.linalg.inv([[bernstein(powers, weights) for powers in counts] for weights in self.starts])
+        bases = [self.subdivision.basis(triangle, start) for start in self.starts for triangle in range(len(self.triangles))]
         ends = np.cumsum([0] + [len(basis.nodes) for basis in bases])
         self.samples = sparse.csr_matrix((np.concatenate([basis.value for basis in bases]),
                                           np.concatenate([basis.nodes for basis in bases]), ends),
@@ -74,7 +77,7 @@ class LimitSurface(Surface):
         return self.frame(point.triangle, point.weights, x)[0]
 
     def normal(self, point, x):
-        n = np.cross(*self.frame(point.triangle, point.weights, x)[1])
+        n = cross(*self.frame(point.triangle, point.weights, x)[1])
         return n / np.linalg.norm(n)
 
     def follow(self, q, point, x):
@@ -83,85 +86,111 @@ class LimitSurface(Surface):
         return None if found.off else found.point
 
     def descend(self, q, point, x):
-        """Newton on the stationarity of |q - p|^2 / 2 from a point, from patch to patch, downhill all the way."""
-        triangle, weights = point.triangle, np.array(point.weights)
+        """Newton on the stationarity of |q - p|^2 / 2 from a point, from patch to patch, downhill all the way.
+
+        In numbers of Python's own: arrays of two and three elements take ten times as long.
+        """
+        q = q.tolist()
+        triangle, weights = int(point.triangle), point.weights.tolist()
+        p, first, second, edge = self.numbers(triangle, weights, x)
         polished = resting = 0
         for _ in range(STEPS):
-            p, first, second, edge = self.frame(triangle, weights, x)
-            offset = q - p
-            metric = first @ first.T
-            gradient = -first @ offset
-            uu, uv, vv = -second @ offset
-            hessian = metric + [[uu, uv], [uv, vv]]
-            if not (hessian[0, 0] > 0.0 and determinant(hessian) > 1e-6 * determinant(metric)):
+            offset = difference(q, p)
+            by_u, by_v = first
+            metric = dot(by_u, by_u), dot(by_u, by_v), dot(by_v, by_v)
+            gradient = -dot(by_u, offset), -dot(by_v, offset)
+            hessian = [size - dot(bend, offset) for size, bend in zip(metric, second)]
+            if not (hessian[0] > 0.0 and determinant(hessian) > 1e-6 * determinant(metric)):
                 hessian = metric
-            step = -solution(hessian, gradient)
-            change = np.array([-step.sum(), *step])
-            residual = np.sqrt(gradient @ solution(metric, gradient))
-            rim = [c for c in range(3) if weights[c] == 0.0 and self.neighbours[triangle, c] < 0 and change[c] < 0.0]
+            du, dv = solution(hessian, gradient)
+            change = [du + dv, -du, -dv]
+            du, dv = solution(metric, gradient)
+            residual = math.sqrt(gradient[0] * du + gradient[1] * dv)
+            rim = [c for c in range(3) if weights[c] == 0.0 and change[c] < 0.0 and self.neighbours[triangle, c] < 0]
             for corner in rim:  # along the border only
-                along = np.roll([0.0, -1.0, 1.0], corner)
-                slope = gradient @ along[1:]
-                change = -slope / (along[1:] @ hessian @ along[1:]) * along
-                residual = abs(slope) / np.linalg.norm(along[1:] @ first)
-                if (change[weights == 0.0] >= 0.0).all():
+                along = [0.0, 0.0, 0.0]
+                along[corner - 2], along[corner - 1] = -1.0, 1.0
+                _, u, v = along
+                slope = gradient[0] * u + gradient[1] * v
+                share = -slope / (hessian[0] * u * u + 2.0 * hessian[1] * u * v + hessian[2] * v * v)
+                change = [share * way for way in along]
+                residual = abs(slope) / math.hypot(*(u * one + v * other for one, other in zip(by_u, by_v)))
+                if all(change[c] >= 0.0 for c in range(3) if weights[c] == 0.0):
                     break
-            found = Found(Point(int(triangle), weights), offset, bool(rim))
+            here = Found(Point(triangle, np.array(weights)), np.array(offset), bool(rim))
             if residual <= STATIONARITY * edge:
                 polished += 1
                 if polished > POLISHING:
-                    return found
+                    return here
 
-            falling = change < 0.0
-            reach = np.where(falling, weights / np.where(falling, -change, 1.0), np.inf)
-            corner = int(reach.argmin())
+            reach = [weight / -way if way < 0.0 else math.inf for weight, way in zip(weights, change)]
+            corner = reach.index(min(reach))
             whole = min(1.0, reach[corner])
-            share, size = whole, found.squared
+            share, size, falls = whole, dot(offset, offset), gradient[0] * change[1] + gradient[1] * change[2]
+            tried = None
             while share > 0.0 and residual > 1e-6 * edge:
-                tried = self.squared(q, triangle, moved(weights, change, share), x)
-                if tried <= size + 2e-4 * share * (gradient @ change[1:]):
+                tried = self.numbers(triangle, moved(weights, change, share), x)
+                further = difference(q, tried[0])
+                if dot(further, further) <= size + 2e-4 * share * falls:
                     break
                 share *= 0.5
                 if share < 1e-12:
-                    return found
+                    return here
             crosses = reach[corner] <= 1.0 and share == whole
-            weights = moved(weights, change, share, corner if crosses else None)
             resting = resting + 1 if crosses and whole == 0.0 else 0
             if resting > 16:  # round a vertex and back: nothing to gain
-                return found
+                return here
+            weights = moved(weights, change, share, corner if crosses else None)
             if crosses:
                 triangle, weights = self.across(triangle, corner, weights)
-        return found
+            if tried is None or crosses:
+                tried = self.numbers(triangle, weights, x)
+            p, first, second, edge = tried
+        return here
 
-    def squared(self, q, triangle, weights, x):
-        offset = q - self.frame(triangle, weights, x)[0]
-        return offset @ offset
+    def numbers(self, triangle, weights, x):
+        """`frame` as lists of numbers."""
+        *arrays, edge = self.frame(triangle, weights, x)
+        return *(array.tolist() for array in arrays), edge
 
     def across(self, triangle, corner, weights):
         """A point on the edge opposite `corner` in the next triangle; at an end of a border edge, in the next one's."""
         other = int(self.neighbours[triangle, corner])
-        nodes = self.triangles[triangle]
+        nodes = self.triangles[triangle].tolist()
         if other < 0:
-            node = int(nodes[weights.argmax()])
-            if weights.max() < 1.0:
+            node = nodes[weights.index(max(weights))]
+            if max(weights) < 1.0:
                 return triangle, weights
             one, two = self.border_from[node][0], self.border_to[node][0]
             other = two if one == triangle else one
-        share = dict(zip(nodes.tolist(), weights))
-        return other, np.array([share.get(node, 0.0) for node in self.triangles[other].tolist()])
+        share = dict(zip(nodes, weights))
+        return other, [share.get(node, 0.0) for node in self.triangles[other].tolist()]
 
     def nearest_found(self, q, x):
         """The nearest of the points found from every triangle whose hull could hold the nearest."""
-        sampled = self.samples @ x[: self.samples.shape[1]] - q
-        sampled = (sampled * sampled).sum(axis=1).reshape(len(self.triangles), -1)
-        hulls = x[self.hulls]
-        beyond = np.maximum(0.0, np.maximum(hulls.min(axis=1) - q, q - hulls.max(axis=1)))
-        near = np.flatnonzero((beyond * beyond).sum(axis=1) <= sampled.min() * (1.0 + 1e-12))
-        found = [self.descend(q, Point(int(t), self.starts[sampled[t].argmin()]), x) for t in near]
+        sampled = (self.samples @ x[: self.samples.shape[1]]).reshape(len(self.starts), -1)
+        squared = ((sampled.reshape(len(self.starts), -1, 3) - q) ** 2).sum(axis=2)
+        beyond = self.beyond_hulls(q, sampled, x)
+        starts, nearest = squared.argmin(axis=0), squared.min(axis=0)
+        found, bound = [], nearest.min()
+        for t in np.argsort(nearest, kind="stable").tolist():
+            if beyond[t] <= bound * (1.0 + 1e-12) + DISTANCE_TOLERANCE:
+                found.append(self.descend(q, Point(t, self.starts[starts[t]]), x))
+                bound = min(bound, found[-1].squared)
         least = min(found, key=lambda each: each.squared)
         found += [Found(point, q - self.position(point, x), least.off) for point in self.beside(least.point)]
         same = [each for each in found if each.squared <= least.squared + DISTANCE_TOLERANCE]
         return min(same, key=lambda each: each.point.triangle)
+
+    def beyond_hulls(self, q, sampled, x):
+        """Squared distances (t,) of q from boxes that hold the triangles: round the control points of a patch's Bezier form
+        where it is a quartic, else round all nodes on which the triangle depends."""
+        hulls = (self.bezier @ sampled).reshape(len(self.starts), -1, 3)
+        low, high = hulls.min(axis=0), hulls.max(axis=0)
+        nodes = x[self.control_hulls[~self.regular]]
+        low[~self.regular], high[~self.regular] = nodes.min(axis=1), nodes.max(axis=1)
+        beyond = np.maximum(0.0, np.maximum(low - q, q - high))
+        return (beyond * beyond).sum(axis=1)
 
     def beside(self, point):
         """A point close to an edge or a vertex, put onto it, in all other triangles there."""
@@ -215,23 +244,37 @@ class LimitSurface(Surface):
         return None
 
 
+def bernstein(powers, weights):
+    """Bernstein's polynomial of the powers (i, j, k) of the barycentrics."""
+    count = math.factorial(sum(powers)) // math.prod(map(math.factorial, powers))
+    return count * math.prod(weight**power for weight, power in zip(weights, powers))
+
+
+def dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def difference(a, b):
+    return [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+
+
 def determinant(matrix):
-    """Of two by two, in which numpy's own takes ten times as long; as does its `solve`."""
-    return matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]
+    """Of a symmetric one, two by two, given as its elements 00, 01, 11."""
+    return matrix[0] * matrix[2] - matrix[1] * matrix[1]
 
 
 def solution(matrix, right):
-    """x of matrix x = right, two by two."""
-    adjugate = np.array([[matrix[1, 1], -matrix[0, 1]], [-matrix[1, 0], matrix[0, 0]]])
-    return adjugate @ right / determinant(matrix)
+    """x of matrix x = right, two by two and symmetric."""
+    size = determinant(matrix)
+    return ((matrix[2] * right[0] - matrix[1] * right[1]) / size, (matrix[0] * right[1] - matrix[1] * right[0]) / size)
 
 
 def moved(weights, change, share, emptied=None):
     """Weights after a step, none of them negative, adding up to one."""
-    result = np.maximum(weights + share * change, 0.0)
+    result = [max(weight + share * way, 0.0) for weight, way in zip(weights, change)]
     if emptied is not None:
         result[emptied] = 0.0
-    largest = int(result.argmax())
+    largest = result.index(max(result))
     result[largest] = 0.0
-    result[largest] = 1.0 - result.sum()
+    result[largest] = 1.0 - sum(result)
     return result

@@ -32,6 +32,9 @@ class Network:
         incidence = sparse.csr_matrix((signs, (self.ends.T.ravel(), np.tile(row, 2))), shape=(n, s))
         # f_i = +F, f_j = -F for the spring force F of (1): the incidence matrix sums them onto the nodes.
         object.__setattr__(self, "incidence", incidence)
+        object.__setattr__(self, "first", self.ends[:, 0].copy())
+        object.__setattr__(self, "last", self.ends[:, 1].copy())
+        object.__setattr__(self, "weight", self.mass[:, None] * self.gravity)
         object.__setattr__(self, "inverse_mass", np.where(self.fixed, 0.0, 1.0 / self.mass))
 
     @property
@@ -51,13 +54,16 @@ def select_springs(network, nodes):
 
 def forces(network, x, v):
     """f(x, v) of (1), (n, 3). Written without norms, so that it also takes complex steps."""
-    i, j = network.ends.T
-    d = x[j] - x[i]
-    length = np.sqrt((d * d).sum(axis=1))
-    u = d / length[:, None]
-    rate = ((v[j] - v[i]) * u).sum(axis=1)
+    d, omega = differences(network, x), differences(network, v)
+    length = np.sqrt(np.einsum("sa,sa->s", d, d))
+    rate = np.einsum("sa,sa->s", omega, d) / length
     tension = network.stiffness * (length - network.rest_length) + network.damping * rate
-    return network.incidence @ (tension[:, None] * u) + network.mass[:, None] * network.gravity - network.drag * v
+    return network.incidence @ ((tension / length)[:, None] * d) + network.weight - network.drag * v
+
+
+def differences(network, values):
+    """Per spring the value at its end j less that at i; `take` is the fastest of numpy's ways to look rows up."""
+    return values.take(network.last, axis=0) - values.take(network.first, axis=0)
 
 
 def spring_jacobians(network, x, v, stabilised=False):
@@ -65,11 +71,9 @@ def spring_jacobians(network, x, v, stabilised=False):
 
     `stabilised` clamps the geometric factor 1 - L/l at zero, which keeps the elastic part negative semidefinite.
     """
-    i, j = network.ends.T
-    d = x[j] - x[i]
+    d, omega = differences(network, x), differences(network, v)
     length = np.sqrt((d * d).sum(axis=1))
     u = d / length[:, None]
-    omega = v[j] - v[i]
     uu = u[:, :, None] * u[:, None, :]
     across = np.eye(3) - uu
     factor = 1.0 - network.rest_length / length
@@ -119,11 +123,11 @@ def complex_step_jacobians(network, x, v, step=1e-30):
 
 def energies(network, x, v, nodes=slice(None)):
     """Kinetic, elastic and gravitational energy, J: of `nodes`, and of the springs that `network` has."""
-    i, j = network.ends.T
-    stretch = np.linalg.norm(x[j] - x[i], axis=1) - network.rest_length
+    d, moving = differences(network, x), v[nodes]
+    stretch = np.sqrt(np.einsum("sa,sa->s", d, d)) - network.rest_length
     mass = network.mass[nodes]
-    kinetic = 0.5 * (mass * (v[nodes] ** 2).sum(axis=1)).sum()
-    elastic = 0.5 * (network.stiffness * stretch**2).sum()
+    kinetic = 0.5 * (mass @ np.einsum("na,na->n", moving, moving))
+    elastic = 0.5 * (network.stiffness @ stretch**2)
     gravitational = (mass * (x[nodes] @ -network.gravity)).sum()
     return kinetic, elastic, gravitational
 

@@ -20,25 +20,31 @@ class Operators:
 
 def complete(rows, candidates):
     """Gram-Schmidt: orthogonal square matrix that begins with `rows` (orthogonal, left unnormalised) (7), (16)."""
-    basis = list(rows)
+    count = len(rows)
+    basis, squares = np.empty((rows.shape[1], rows.shape[1])), np.empty(rows.shape[1])
+    basis[:count], squares[:count] = rows, (rows * rows).sum(axis=1)
     for candidate in candidates:
-        if len(basis) == rows.shape[1]:
+        if count == len(basis):
             break
         scale = np.linalg.norm(candidate)
         for _ in range(2):  # the second pass removes what round-off left of the first
-            for row in basis:
-                candidate = candidate - (candidate @ row) / (row @ row) * row
+            done = basis[:count]
+            candidate = candidate - ((done @ candidate) / squares[:count]) @ done
         length = np.linalg.norm(candidate)
         if length > DEPENDENT * scale:
-            basis.append(candidate / length)
-    return np.array(basis)
+            basis[count], squares[count] = candidate / length, 1.0
+            count += 1
+    return basis[:count]
 
 
 def transform_T(m, support, weights, candidates=None):
     """T of (7)-(8) for a contact on the nodes `support` of an m-node model. Returns (3m, 3m)."""
     k = len(support)
-    first = np.kron(np.asarray(weights)[None, :], np.eye(3))
-    T11 = complete(first, np.eye(3 * k) if candidates is None else candidates)
+    weights = np.asarray(weights)[None, :]
+    if candidates is None:  # unit vectors: the three axes do not mix
+        T11 = np.kron(complete(weights, np.eye(k)), np.eye(3))
+    else:
+        T11 = complete(np.kron(weights, np.eye(3)), candidates)
     columns = (3 * np.asarray(support)[:, None] + np.arange(3)).ravel()
     others = np.setdiff1d(np.arange(3 * m), columns)
     T = np.zeros((3 * m, 3 * m))
@@ -65,25 +71,16 @@ def literal(m, support, weights, normal, mass=None, candidates=None):
     T = transform_T(m, support, np.asarray(weights) / root[support], candidates)
     U = transform_U(T, normal)
     scale = np.repeat(root, 3)
-    P = project_out(T, 3) * scale / scale[:, None]
-    Q = project_out(U, 1) * scale / scale[:, None]
-    Pt = transpose_part(T, 3) * scale[:, None] / scale
-    Qt = transpose_part(U, 1) * scale[:, None] / scale
-    return Operators(P, Q, Pt, Qt)
+    (P, Pt), (Q, Qt) = projections(T, 3), projections(U, 1)
+    inner, outer = scale / scale[:, None], scale[:, None] / scale
+    return Operators(P * inner, Q * inner, Pt * outer, Qt * outer)
 
 
-def project_out(A, count):
-    """A^-1 diag(0 (count), I) A, as in (10) and (19)."""
-    kept = np.ones(len(A))
-    kept[:count] = 0.0
-    return np.linalg.inv(A) @ (kept[:, None] * A)
-
-
-def transpose_part(A, count):
-    """A^T diag(I (count), 0) A^-T, as in (13) and (21)."""
-    chosen = np.zeros(len(A))
-    chosen[:count] = 1.0
-    return (A.T * chosen) @ np.linalg.inv(A).T
+def projections(A, count):
+    """A^-1 diag(0 (count), I) A, as in (10) and (19), and A^T diag(I (count), 0) A^-T, as in (13) and (21)."""
+    chosen = np.arange(len(A)) < count
+    inverse = np.linalg.inv(A)
+    return inverse @ (~chosen[:, None] * A), (A.T * chosen) @ inverse.T
 
 
 def contact_force(force_operator, weights, forces):

@@ -23,7 +23,10 @@ class Plant:
 
     def __init__(self, device, hand, waypoints, interpolation="linear", structure=None):
         self.device, self.hand, self.interpolation, self.structure = device, hand, interpolation, structure
-        self.times, self.places = waypoints[:, 0], phantom.to_device(device, waypoints[:, 1:])
+        self.times, self.places = waypoints[:, 0].copy(), phantom.to_device(device, waypoints[:, 1:])
+        self.axes = [axis.copy() for axis in self.places.T]
+        self.rotors = np.diag(device.rotor_inertia)
+        self.drive = device.capstan_ratio * device.torque_constant
 
     def at_rest(self):
         """The state at the first waypoint: nothing moves, and no current flows."""
@@ -43,7 +46,7 @@ class Plant:
     def target(self, t):
         """Where the hand aims at time t, m."""
         t, _ = self.warped(t)
-        return np.array([np.interp(t, self.times, axis) for axis in self.places.T])
+        return np.array([np.interp(t, self.times, axis) for axis in self.axes])
 
     def target_velocity(self, t):
         """Slope of the path at t, in the piece around it, m/s; zero before the first waypoint and after the last."""
@@ -63,10 +66,10 @@ class Plant:
                   + hand.stylus_damping * (state[HAND_VELOCITY] - velocity))  # on the device, N
         on_links, beyond = (stylus, []) if self.structure is None else self.bend(state, jacobian @ rate, stylus)
         arm = hand.arm_stiffness * (target - state[HAND]) + hand.arm_damping * (target_velocity - state[HAND_VELOCITY])
-        torque = (device.capstan_ratio * device.torque_constant * state[CURRENT] + jacobian.T @ on_links
+        torque = (self.drive * state[CURRENT] + jacobian.T @ on_links
                   - phantom.coriolis(theta, rate) @ rate - phantom.gravity(theta) - device.joint_damping * rate
                   - device.joint_friction * np.tanh(rate / device.friction_speed))
-        inertia = phantom.mass_matrix(theta) + np.diag(device.rotor_inertia)
+        inertia = phantom.mass_matrix(theta) + self.rotors
         return np.concatenate([rate, np.linalg.solve(inertia, torque),
                                2.0 * np.pi * device.amplifier_bandwidth * (command - state[CURRENT]),
                                state[HAND_VELOCITY], (arm - stylus) / hand.mass, [-stylus @ velocity], beyond])
@@ -85,11 +88,10 @@ class Plant:
             start = t + number * step
             velocity = self.target_velocity(start + 0.5 * step)
 
-            def slope(share, y):
-                return self.slope(y, command, self.target(start + share * step), velocity)
-            k1 = slope(0.0, state)
-            k2 = slope(0.5, state + 0.5 * step * k1)
-            k3 = slope(0.5, state + 0.5 * step * k2)
-            k4 = slope(1.0, state + step * k3)
+            first, middle, last = (self.target(start + share * step) for share in (0.0, 0.5, 1.0))
+            k1 = self.slope(state, command, first, velocity)
+            k2 = self.slope(state + 0.5 * step * k1, command, middle, velocity)
+            k3 = self.slope(state + 0.5 * step * k2, command, middle, velocity)
+            k4 = self.slope(state + step * k3, command, last, velocity)
             state = state + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
         return state

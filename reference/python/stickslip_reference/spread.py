@@ -7,13 +7,14 @@ over a facet is a signed sum of three, one for each side: over the triangle betw
 circle.
 """
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
 
 from .limit_surface import Found, LimitSurface
 from .scene import SceneError
-from .surface import Point, Surface
+from .surface import Point, Surface, cross
 
 # Gauss's rule per arc or chord, and along each radius. Substitutions leave the integrands analytic.
 AROUND, AROUND_SHARES = np.polynomial.legendre.leggauss(12)
@@ -91,12 +92,13 @@ class FeltSurface(LimitSurface):
         owner = np.repeat(np.arange(len(pieces)), [len(each.corners) for each in pieces])
         first = np.searchsorted(owner, np.arange(len(pieces)))
         reached, *found = integrals(np.concatenate([each.corners for each in pieces]), p, self.radius, self.degree)
-        for facet, one, by_p in zip(reached, *found):
-            each = pieces[owner[facet]]
-            facet -= first[owner[facet]]
-            at = np.searchsorted(nodes, each.nodes)
-            value[at] += each.share[facet] * (one @ each.values[facet])
-            gradient[:, at] += each.share[facet] * (by_p @ each.values[facet])
+        for number, each in enumerate(pieces):
+            of = owner[reached] == number
+            facets = reached[of] - first[number]
+            one, by_p = (each.share[facets].reshape(-1, *[1] * (part.ndim - 1)) * part[of] for part in found)
+            at, values = np.searchsorted(nodes, each.nodes), each.values[facets].reshape(-1, len(each.nodes))
+            value[at] += one.ravel() @ values
+            gradient[:, at] += by_p.transpose(1, 0, 2).reshape(3, -1) @ values
         whole = value.sum()
         w = value / whole
         by_place = tangents @ (gradient - np.outer(gradient.sum(axis=1), w)) / whole
@@ -107,9 +109,8 @@ class FeltSurface(LimitSurface):
         reached, queue = {triangle}, [triangle]
         while queue:
             t = queue.pop()
-            for corner in range(3):
-                other = int(self.neighbours[t, corner])
-                if other >= 0 and other not in reached and distance_to_line(p, self.sides[t, corner]) < self.radius:
+            for other, distance in zip(self.neighbours[t].tolist(), distance_to_lines(p, self.sides[t]).tolist()):
+                if other >= 0 and other not in reached and distance < self.radius:
                     reached.add(other)
                     queue.append(other)
         return sorted(reached)
@@ -123,19 +124,23 @@ class FeltSurface(LimitSurface):
                 coarse, fine = DIVISIONS
                 ratio = (fine / coarse) ** 2
                 divisions = [(-1.0 / (ratio - 1.0), divided(coarse)), (ratio / (ratio - 1.0), divided(fine))]
-            corners = [(share, piece) for share, pieces in divisions for piece in pieces]
-            places = np.array([[self.below(triangle, weights)[0] for weights in piece] for _, piece in corners])
+            share = np.concatenate([np.full(len(pieces), share) for share, pieces in divisions])
             nodes = self.base.subdivision.patch(triangle)[0] if self.limit else self.triangles[triangle]
             lattice = barycentric_lattice(self.degree)
             powers = monomials(lattice[:, 1], lattice[:, 2], self.degree)
-            values = np.array([np.linalg.solve(powers, self.basis_values(triangle, lattice @ piece)) for _, piece in corners])
-            self.facets[triangle] = Facets(places, nodes, values, np.array([share for share, _ in corners]))
+            samples = self.basis_values(triangle, lattice @ np.concatenate([pieces for _, pieces in divisions]))
+            corners = samples[:, lattice.argmax(axis=0)] @ self.rest[nodes]
+            self.facets[triangle] = Facets(corners, nodes, np.linalg.solve(powers, samples), share)
         return self.facets[triangle]
 
     def basis_values(self, triangle, samples):
+        """Of the samples (f, m, 3) of facets, (f, m, k); neighbours have samples in common."""
         if not self.limit:
             return samples
-        return np.array([self.base.subdivision.basis(triangle, weights).value for weights in samples])
+        rounded = np.round(samples.reshape(-1, 3), 12)
+        _, first, number = np.unique(rounded[:, 1:], axis=0, return_index=True, return_inverse=True)
+        each = [self.base.subdivision.basis(triangle, weights).value for weights in samples.reshape(-1, 3)[first]]
+        return np.array(each)[number.ravel()].reshape(*samples.shape[:2], -1)
 
     def is_affine(self, triangle):
         lattice = barycentric_lattice(self.degree)
@@ -169,13 +174,19 @@ class FeltSurface(LimitSurface):
 
 def surface(contact, network):
     """The surface that a scene's [contact] names."""
-    if contact.radius > 0.0:
-        if not network.fixed.any():
-            raise SceneError("contact.radius on a body that nothing holds: the reference does not turn the rest offset with it")
-        return FeltSurface(contact.surface, network.triangles, network.nodes, contact.radius)
-    if contact.surface == "subdivision":
-        return LimitSurface(network.triangles)
-    return Surface(network.triangles, shaded=contact.surface == "shaded")
+    if contact.radius > 0.0 and not network.fixed.any():
+        raise SceneError("contact.radius on a body that nothing holds: the reference does not turn the rest offset with it")
+    return surface_of(contact.surface, float(contact.radius), np.asarray(network.triangles, dtype=np.int64).tobytes(),
+                      network.nodes.tobytes() if contact.radius > 0.0 else b"")
+
+
+@functools.lru_cache(maxsize=8)
+def surface_of(kind, radius, triangles, rest):
+    """Surfaces hold nothing of a run: those on the same mesh share one, and with it what it has found out about the mesh."""
+    triangles = np.frombuffer(triangles, dtype=np.int64).reshape(-1, 3)
+    if radius > 0.0:
+        return FeltSurface(kind, triangles, np.frombuffer(rest).reshape(-1, 3), radius)
+    return LimitSurface(triangles) if kind == "subdivision" else Surface(triangles, shaded=kind == "shaded")
 
 
 def divided(count):
@@ -187,11 +198,11 @@ def divided(count):
     return up + down
 
 
-def distance_to_line(p, points):
-    """The distance of p from a line of straight pieces."""
-    start, along = points[:-1], np.diff(points, axis=0)
-    share = np.clip(((p - start) * along).sum(axis=1) / (along * along).sum(axis=1), 0.0, 1.0)
-    return np.linalg.norm(p - start - share[:, None] * along, axis=1).min()
+def distance_to_lines(p, points):
+    """The distances of p from lines of straight pieces, points (lines, points of a line, 3)."""
+    start, along = points[:, :-1], points[:, 1:] - points[:, :-1]
+    share = np.clip(((p - start) * along).sum(axis=2) / (along * along).sum(axis=2), 0.0, 1.0)
+    return np.linalg.norm(p - start - share[..., None] * along, axis=2).min(axis=1)
 
 
 def barycentric_lattice(degree):
@@ -216,27 +227,27 @@ def integrals(corners, p, a, degree):
     ball reaches, then for these the integrals times K = sqrt(1 - |y - p|^2 / a^2), (f, k), and times dK/dp, (f, 3, k)."""
     origin = corners[:, 0]
     e, g = corners[:, 1] - origin, corners[:, 2] - origin
-    n = np.cross(e, g)
+    n = cross(e, g)
     n /= np.linalg.norm(n, axis=1)[:, None]
     height = ((p - origin) * n).sum(axis=1)
     one = e / np.linalg.norm(e, axis=1)[:, None]
-    axes = np.stack([one, np.cross(n, one)], axis=1)
+    axes = np.stack([one, cross(n, one)], axis=1)
     to_centre = -height[:, None] * n  # from p
-    flat = np.einsum("fca,fba->fcb", corners - (p + to_centre)[:, None], axes)
+    flat = (corners - (p + to_centre)[:, None]) @ axes.transpose(0, 2, 1)
     R = np.sqrt(np.maximum(a * a - height * height, 0.0))
     reached = np.flatnonzero((R > 0.0) & (distance_of_origin(flat) < R))
     flat, R, axes, to_centre = flat[reached], R[reached], axes[reached], to_centre[reached]
 
     number, y, area, cosine = sectors(flat, R)
     edges = np.stack([flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]], axis=2)
-    beta, gamma = np.einsum("sab,spb->asp", np.linalg.inv(edges)[number], y - flat[number, :1])
-    values = monomials(beta, gamma, degree)
-    by_p = np.einsum("spb,sba->spa", y, axes[number]) + to_centre[number][:, None]  # y - p; dK/dp = (y - p) / (a^2 K)
+    place = (y - flat[number, :1]) @ np.linalg.inv(edges).transpose(0, 2, 1)[number]
+    values = monomials(place[..., 0], place[..., 1], degree)
+    by_p = y @ axes[number] + to_centre[number][:, None]  # y - p; dK/dp = (y - p) / (a^2 K)
     # The area is `area` times the cosine, and K is R / a times it.
     value, gradient = np.zeros((len(R), values.shape[-1])), np.zeros((len(R), 3, values.shape[-1]))
     scale = R[number] / a
-    np.add.at(value, number, np.einsum("sp,spk->sk", area * cosine**2, values) * scale[:, None])
-    np.add.at(gradient, number, np.einsum("sp,spa,spk->sak", area, by_p, values, optimize=True) / (a * a * scale)[:, None, None])
+    np.add.at(value, number, ((area * cosine**2)[:, None] @ values)[:, 0] * scale[:, None])
+    np.add.at(gradient, number, (area[:, None] * by_p.transpose(0, 2, 1)) @ values / (a * a * scale)[:, None, None])
     return reached, value, gradient
 
 

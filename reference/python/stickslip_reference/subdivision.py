@@ -69,13 +69,13 @@ def derivative(polynomial, towards):
 
 
 def coefficient_table():
-    """Exponents (p, 3) and coefficients (6, 12, p): the box splines, their derivatives by u, v, uu, uv, vv."""
+    """Exponents, p of three, and coefficients (6, 12, p): the box splines, their derivatives by u, v, uu, uv, vv."""
     splines = box_spline()
     kinds = [splines, *([derivative(p, by) for p in splines] for by in (1, 2)),
              *([derivative(derivative(p, one), two) for p in splines] for one, two in ((1, 1), (1, 2), (2, 2)))]
     exponents = sorted({powers for kind in kinds for p in kind for powers in p})
     table = np.array([[[p.get(powers, 0) / 12.0 for powers in exponents] for p in kind] for kind in kinds])
-    return np.array(exponents), table
+    return exponents, table
 
 
 EXPONENTS, COEFFICIENTS = coefficient_table()
@@ -83,9 +83,8 @@ EXPONENTS, COEFFICIENTS = coefficient_table()
 
 def regular_values(weights):
     """(6, 12): value and derivatives by u, v, uu, uv, vv of the box splines of `LATTICE`."""
-    powers = np.asarray(weights)[:, None] ** np.arange(5)
-    monomials = powers[0, EXPONENTS[:, 0]] * powers[1, EXPONENTS[:, 1]] * powers[2, EXPONENTS[:, 2]]
-    return COEFFICIENTS @ monomials
+    a, b, c = ((1.0, w, w * w, w * w * w, w * w * w * w) for w in np.asarray(weights).tolist())
+    return COEFFICIENTS @ [a[i] * b[j] * c[k] for i, j, k in EXPONENTS]
 
 
 @dataclass

@@ -18,7 +18,7 @@ use self::clock::{Cost, Stopwatch};
 use super::progress::Progress;
 use super::renderer::RendererArguments;
 use super::terminal::{hand_out, say};
-use super::{FAIL, PASS, folder, load, page};
+use super::{Changes, FAIL, PASS, folder, load, page};
 use crate::local::condensation::CondensationCounts;
 use crate::model::work::WorkCounts;
 use crate::output::files::{write_file, write_json};
@@ -40,6 +40,8 @@ const BRIEF_PATIENCE: Duration = Duration::from_secs(6);
 pub struct AccuracyArguments {
     /// A scene file or the name of a shipped scene
     scene: PathBuf,
+    #[command(flatten)]
+    changes: Changes,
     /// Output folder (default: reports/SCENE)
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -83,6 +85,8 @@ impl Budget {
 #[derive(Serialize)]
 pub struct AccuracyFile {
     pub scene: String,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    changes: Vec<String>,
     version: &'static str,
     /// Rate of the scene's model updates, Hz.
     cycle_rate: f64,
@@ -168,7 +172,7 @@ struct Best {
 }
 
 pub fn accuracy(arguments: &AccuracyArguments) -> miette::Result<u8> {
-    let scene = load(&arguments.scene, &arguments.renderer)?;
+    let scene = load(&arguments.scene, &arguments.changes, &arguments.renderer)?;
     let coverage = if arguments.all { Coverage::All } else { Coverage::Default };
     let grid = accuracy::grid(&scene, coverage)?;
     let folder = folder(arguments.out.clone(), &scene, &["accuracy.json", "index.html"])?;
@@ -224,6 +228,7 @@ fn compare(scene: &Scene, grid: Grid, budget: Budget, patience: Duration) -> mie
     let (points, references) = measure(scene, &grid, budget, patience, &progress)?;
     Ok(AccuracyFile {
         scene: scene.name.clone(),
+        changes: scene.changes(),
         version: env!("CARGO_PKG_VERSION"),
         cycle_rate: scene.global_rate_hz(),
         budget,

@@ -10,11 +10,12 @@ use clap::{Args, ValueEnum};
 use maud::Markup;
 use miette::Diagnostic;
 
+use super::junit::{JunitArguments, JunitCase, JunitSuite};
 use super::progress::Progress;
 use super::renderer::RendererArguments;
 use super::terminal::{complain, hand_out, say, significant};
 use super::tick_timing::{TimedTick, time_ticks};
-use super::{FAIL, INCONCLUSIVE, PASS, folder, interrupt, load};
+use super::{Changes, FAIL, INCONCLUSIVE, PASS, folder, interrupt, load};
 use crate::multirate::global::Moment;
 use crate::multirate::timeline::OverrunPolicy;
 use crate::output::files::{write_file, write_json};
@@ -43,6 +44,8 @@ const MOST_PASSES: u64 = 10_000;
 pub struct CertifyArguments {
     /// A scene file or the name of a shipped scene
     scene: PathBuf,
+    #[command(flatten)]
+    changes: Changes,
     /// Rate of the servo loop (default: the scene's)
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
@@ -63,6 +66,8 @@ pub struct CertifyArguments {
     out: Option<PathBuf>,
     #[command(flatten)]
     renderer: RendererArguments,
+    #[command(flatten)]
+    junit: JunitArguments,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -74,9 +79,11 @@ enum LoadName {
 
 pub fn certify(arguments: &CertifyArguments) -> miette::Result<u8> {
     let scene = asked_for(arguments)?;
+    arguments.junit.prepare()?;
     let folder = folder(arguments.out.clone(), &scene, &["certificate.json", "certificate.md", "session.json"])?;
     let out = folder.path();
     let (certificate, _) = measure(&scene, arguments.duration, arguments.load, out)?;
+    arguments.junit.write(|| verdicts(&certificate))?;
     hand_out(&certificate)?;
     say(page::words(&certificate))?;
     say(format_args!("certificate: {}", out.join("certificate.md").display()))?;
@@ -85,6 +92,22 @@ pub fn certify(arguments: &CertifyArguments) -> miette::Result<u8> {
         Verdict::Fail => FAIL,
         Verdict::Inconclusive => INCONCLUSIVE,
     })
+}
+
+/// Returns the verdicts on the parts of a certificate.
+fn verdicts(certificate: &Certificate) -> JunitSuite {
+    let Certificate { compute, platform, global, .. } = certificate;
+    let global = global.as_ref().map(|part| ("global side", part.verdict, &part.reasons));
+    let parts = [("compute", compute.verdict, &compute.reasons), ("platform", platform.verdict, &platform.reasons)];
+    let case = |(name, verdict, reasons): (&str, Verdict, &Vec<String>)| JunitCase {
+        name: name.to_owned(),
+        class: format!("stickslip.certify.{}", certificate.scene),
+        // All parts are judged by one window.
+        seconds: Some(certificate.duration_s),
+        verdict,
+        reasons: reasons.clone(),
+    };
+    JunitSuite { name: "stickslip certify", cases: parts.into_iter().chain(global).map(case).collect() }
 }
 
 /// Builds the report's section on a scene's servo loop, measured for `duration_s` without load.
@@ -105,7 +128,7 @@ fn policy_parser() -> impl TypedValueParser<Value = OverrunPolicy> {
 /// Returns the scene with the changes of the command line.
 fn asked_for(arguments: &CertifyArguments) -> miette::Result<Scene> {
     // The servo thread itself is certified, so the renderer runs in this process.
-    let mut scene = load(&arguments.scene, &arguments.renderer)?.with_renderer_in_process();
+    let mut scene = load(&arguments.scene, &arguments.changes, &arguments.renderer)?.with_renderer_in_process();
     if let Some(rate) = arguments.rate {
         let asked = scene.with_local_rate_hz(rate).and_then(|scene| {
             scene.check_real_time()?;

@@ -25,7 +25,7 @@ use super::progress::Progress;
 use super::run::{Executed, execute};
 use super::stability::{self, StabilityFile};
 use super::terminal::{hand_out, say};
-use super::{FAIL, INCONCLUSIVE, PASS, page, read, table, warn};
+use super::{Changes, FAIL, INCONCLUSIVE, PASS, page, read, table, warn};
 use crate::output::files::{write_file, write_json};
 use crate::output::folder::ResultFolder;
 use crate::output::frames::FrameRecorder;
@@ -39,6 +39,8 @@ pub struct ReportArguments {
     /// Scene files or names of shipped scenes (default: all shipped scenes)
     #[arg(value_name = "SCENE")]
     scenes: Vec<PathBuf>,
+    #[command(flatten)]
+    changes: Changes,
     /// Output folder of the report
     #[arg(long, value_name = "DIR", default_value = "reports")]
     out: PathBuf,
@@ -51,7 +53,7 @@ pub struct ReportArguments {
 impl Default for ReportArguments {
     /// Returns the arguments of `report` without any given.
     fn default() -> Self {
-        Self { scenes: Vec::new(), out: "reports".into(), quick: false }
+        Self { scenes: Vec::new(), changes: Changes::default(), out: "reports".into(), quick: false }
     }
 }
 
@@ -93,9 +95,9 @@ struct Studies {
 }
 
 pub fn report(arguments: &ReportArguments) -> miette::Result<u8> {
-    let ReportArguments { scenes, out, quick } = arguments;
+    let ReportArguments { scenes, changes, out, quick } = arguments;
     let is_whole = scenes.is_empty() && !quick;
-    let scenes_checked = checked(scenes)?;
+    let scenes_checked = checked(scenes, changes)?;
     let folder = ResultFolder::take(out)?;
     folder.clear(&OWN_FILES)?;
     let reported = run_all(&scenes_checked, out)?;
@@ -158,11 +160,14 @@ pub fn report(arguments: &ReportArguments) -> miette::Result<u8> {
 const OWN_FILES: [&str; 2] = ["index.html", "report.json"];
 
 /// Loads and prepares all scenes before the first one runs.
-fn checked(scenes: &[PathBuf]) -> miette::Result<Vec<(Scene, Option<Expectation>)>> {
+fn checked(scenes: &[PathBuf], changes: &Changes) -> miette::Result<Vec<(Scene, Option<Expectation>)>> {
+    if scenes.is_empty() && !changes.changes.is_empty() {
+        return Err(miette::miette!(help = "name the scenes to change", "--set changes no scene, as none is named"));
+    }
     let shipped = SHIPPED.iter().map(|shipped| shipped.name.into());
     let scenes: Vec<PathBuf> = if scenes.is_empty() { shipped.collect() } else { scenes.to_vec() };
     let scenes: Vec<(Scene, Option<Expectation>)> =
-        scenes.iter().map(|scene| read(scene)).collect::<Result<_, SceneError>>()?;
+        scenes.iter().map(|scene| read(scene, changes)).collect::<Result<_, SceneError>>()?;
     for (i, (scene, _)) in scenes.iter().enumerate() {
         Simulation::prepare(scene)?;
         if OWN_FILES.contains(&scene.name.as_str()) {

@@ -67,6 +67,7 @@ fn recording(table: &InstrumentTable, file: &Path) -> Read<TipPath> {
     let given = Recording {
         columns: table.columns.clone(),
         scale: positive("instrument.scale", table.scale.unwrap_or(1.0))?,
+        time_scale: positive("instrument.time_scale", table.time_scale.unwrap_or(1.0))?,
         start_s: finite("instrument.start", table.start.unwrap_or(0.0))?,
         filter_hz: table.filter_hz.map(|hz| positive("instrument.filter_hz", hz)).transpose()?,
     };
@@ -82,6 +83,7 @@ fn recording(_: &InstrumentTable, file: &Path) -> Read<TipPath> {
 fn no_recording(table: &InstrumentTable, because: &'static str) -> Read {
     no_effect("instrument.columns", table.columns.is_some(), because)?;
     no_effect("instrument.scale", table.scale.is_some(), because)?;
+    no_effect("instrument.time_scale", table.time_scale.is_some(), because)?;
     no_effect("instrument.start", table.start.is_some(), because)?;
     no_effect("instrument.filter_hz", table.filter_hz.is_some(), because)
 }

@@ -32,6 +32,9 @@ pub struct Identity {
     pub commit: Option<&'static str>,
     /// SHA-256 of the scene, as in baselines.
     pub scene_sha256: String,
+    /// Changes of single keys that the scene was read with, in their order.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub changes: Vec<String>,
     /// SHA-256 of the mesh: nodes, edges and triangles.
     pub mesh_sha256: String,
     /// SHA-256 of the program that ran.
@@ -43,11 +46,13 @@ pub struct Identity {
 impl Identity {
     /// Describes a measurement that ends now.
     pub fn now(scene: &Scene, machine: &Machine) -> Self {
+        let Provenance { scene_sha256, changes, .. } = Provenance::of(scene);
         let hardware = Machine { program_sha256: None, ..machine.clone() };
         Self {
             date: humantime::format_rfc3339_seconds(SystemTime::now()).to_string(),
             commit: option_env!("STICKSLIP_COMMIT"),
-            scene_sha256: Provenance::of(scene).scene_sha256,
+            scene_sha256,
+            changes,
             mesh_sha256: mesh_sha256(&scene.mesh.mesh()),
             program_sha256: machine.program_sha256.clone(),
             machine_sha256: sha256(format!("{hardware:?}").as_bytes()),
