@@ -176,8 +176,10 @@ pub fn check(arguments: &CheckArguments) -> miette::Result<u8> {
     let shipped = SHIPPED.iter().map(|shipped| shipped.name.into());
     let scenes = if arguments.scenes.is_empty() { shipped.collect() } else { arguments.scenes.clone() };
     // All scenes are read before the first one runs.
-    let loaded: Vec<Scene> =
-        scenes.iter().map(|scene| load(scene, &arguments.changes, &RendererArguments::default())).collect::<Result<_, SceneError>>()?;
+    let loaded: Vec<Scene> = scenes
+        .iter()
+        .map(|scene| load(scene, &arguments.changes, &RendererArguments::default()))
+        .collect::<Result<_, SceneError>>()?;
     let store = match &arguments.baselines {
         Some(folder) => Store::Folder(folder.clone()),
         None if Path::new(IN_CLONE).is_dir() => Store::Folder(IN_CLONE.into()),

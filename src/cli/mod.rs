@@ -231,9 +231,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let done = match command.unwrap_or_else(|| Command::Report(ReportArguments::default())) {
         Command::Report(arguments) => report::report(&arguments),
         Command::Run(arguments) => run::run(&arguments),
-        Command::Stability { scene, changes, out, renderer } => {
-            stability::stability(&scene, &changes, out, &renderer)
-        }
+        Command::Stability { scene, changes, out, renderer } => stability::stability(&scene, &changes, out, &renderer),
         Command::Explain { scene, changes, renderer } => explain::explain(&scene, &changes, &renderer),
         Command::Check(arguments) => check::check(&arguments),
         Command::Accuracy(arguments) => accuracy::accuracy(&arguments),

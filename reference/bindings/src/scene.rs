@@ -1,5 +1,6 @@
 //! Scenes, as Python holds them.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use pyo3::prelude::*;
@@ -44,14 +45,12 @@ impl Scene {
     /// Reads a scene from keys and values.
     #[staticmethod]
     fn build(py: Python<'_>, keys: Vec<(String, Bound<'_, PyAny>)>, path: PathBuf) -> PyResult<Self> {
-        Self::change(py, DocumentMut::new(), keys, &path)
+        Self::change(py, "", keys, &path)
     }
 
     /// Reads the scene again with other values of some keys.
     fn with_keys(&self, py: Python<'_>, keys: Vec<(String, Bound<'_, PyAny>)>) -> PyResult<Self> {
-        // A scene that was read is TOML.
-        let document = self.text().parse().unwrap_or_default();
-        Self::change(py, document, keys, self.inner.path_name())
+        Self::change(py, self.text(), keys, self.inner.path_name())
     }
 
     #[getter]
@@ -95,15 +94,18 @@ impl Scene {
         scene.map(|inner| Self { inner }).map_err(|error| scene_error(py, &error))
     }
 
-    fn change(
-        py: Python<'_>,
-        mut document: DocumentMut,
-        keys: Vec<(String, Bound<'_, PyAny>)>,
-        path: &Path,
-    ) -> PyResult<Self> {
+    fn change(py: Python<'_>, text: &str, keys: Vec<(String, Bound<'_, PyAny>)>, path: &Path) -> PyResult<Self> {
+        let (mut changes, mut removed) = (Vec::new(), Vec::new());
         for (key, value) in &keys {
-            keys::set(&mut document, key, value)?;
+            keys::collect(key, value, &mut changes, &mut removed)?;
         }
-        Self::read(py, stickslip::Scene::parse(&document.to_string(), path))
+        let mut text = Cow::Borrowed(text);
+        if !removed.is_empty() {
+            // A scene that was read is TOML.
+            let mut document: DocumentMut = text.parse().unwrap_or_default();
+            removed.iter().for_each(|key| keys::remove(&mut document, key));
+            text = document.to_string().into();
+        }
+        Self::read(py, stickslip::Scene::parse_with(&text, path, &changes))
     }
 }

@@ -79,6 +79,14 @@ def test_errors_are_those_of_the_program(program, tmp_path, old, new):
     assert str(error).startswith(f"{file}:{error.line}:{error.column}: {error.message}\n")
 
 
+def test_an_error_in_a_change_names_the_change():
+    with pytest.raises(stickslip.SceneError, match="unknown field `frictoin`") as caught:
+        stickslip.Scene.shipped(FIG5).with_keys({"contact.frictoin": 1.0})
+    error = caught.value
+    assert (error.file, error.source_line) == ("change", "contact.frictoin=1.0")
+    assert str(error).splitlines()[2] == "            ^^^^^^^^", "under the key"
+
+
 def test_what_is_no_scene():
     with pytest.raises(ValueError, match="fig5-stick-slip"):
         stickslip.Scene.shipped("fig6")
@@ -87,7 +95,7 @@ def test_what_is_no_scene():
     assert caught.value.line is None
     with pytest.raises(TypeError, match=r"`contact.friction` cannot be of type object"):
         stickslip.Scene.shipped(FIG5).with_keys({"contact.friction": object()})
-    with pytest.raises(ValueError, match="`friction` is a value, not a table"):
-        stickslip.Scene.shipped(FIG5).with_keys({"contact.friction.static": 0.5})
+    with pytest.raises(ValueError, match="`contact..friction` is no key"):
+        stickslip.Scene.shipped(FIG5).with_keys({"contact..friction": 0.5})
     with pytest.raises(TypeError, match="from_toml"):
         stickslip.Scene()

@@ -15,12 +15,12 @@ class SceneError(ValueError):
     ...     stickslip.Scene.shipped("fig5-stick-slip").with_keys({"contact.friction": -1.0})
     ... except stickslip.SceneError as error:
     ...     print(error.message, "|", error.source_line, "|", error.help)
-    `contact.friction` cannot be -1 | friction = -1.0 | accepted: a number of at least 0
+    `contact.friction` cannot be -1 | contact.friction=-1.0 | accepted: a number of at least 0
     """
 
     #: What is wrong.
     message: str
-    #: File, or the name of a scene without one.
+    #: File, or the name of a scene without one; "change" for a key that was set from Python.
     file: Optional[str]
     #: Line and column of the place, from 1, where there is one.
     line: Optional[int]

@@ -88,9 +88,9 @@ class Scene:
     def with_keys(self, keys: Optional[Mapping[str, Any]] = None, /, **more: Any) -> Scene:
         """The scene with other values of some keys. ``None`` removes a key, so that its default applies.
 
-        A key in a table is written with dots, in a dictionary. All changes are made before the scene is read again, so
-        that keys which depend on each other can be changed together; comments and layout of the file stay. Raises
-        ``SceneError`` if the result is not a scene.
+        A key in a table is written with dots, in a dictionary; a dictionary as a value changes the keys in it. All changes
+        are made before the scene is read again, so that keys which depend on each other can be changed together;
+        comments and layout of the file stay. Raises ``SceneError`` if the result is not a scene.
 
         >>> scene = Scene.shipped("deep-stick-slip").with_keys({"local.exterior": "condensed"})
         >>> 'exterior = "condensed"' in scene.toml
