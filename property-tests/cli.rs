@@ -2,6 +2,7 @@
 
 mod bad_scenes;
 mod baselines;
+mod by_file;
 mod changes;
 mod compared;
 mod junit;

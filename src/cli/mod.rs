@@ -11,6 +11,7 @@ mod explain;
 #[cfg(all(feature = "external", target_os = "linux"))]
 mod external;
 mod interrupt;
+mod judge;
 mod junit;
 mod manual;
 mod page;
@@ -20,6 +21,7 @@ mod replay;
 mod report;
 mod run;
 mod stability;
+mod suite;
 mod table;
 mod terminal;
 mod tick_timing;
@@ -131,11 +133,37 @@ enum Command {
     /// Compare local models with the full network: force error against time per tick
     #[command(
         after_help = "Runs the scene's drag with a grid of local models and compares each with the full network \
-        at the haptic rate. Writes DIR/index.html and DIR/accuracy.json. Runs are timed one after the other: keep \
+        at the haptic rate. Writes DIR/index.html, DIR/accuracy.json and the full network's force at every tick with each \
+        contact, DIR/reference-CONTACT.csv. Runs are timed one after the other: keep \
         the machine idle.\n\nExit codes: 0 pass; 1 no local model is within the budget; 2 usage, scene or file \
         error.\n\nExample: stickslip accuracy deep-stick-slip --budget-us 5 --out /tmp/accuracy"
     )]
     Accuracy(accuracy::AccuracyArguments),
+    /// Judge another program's force trace along a scene's path
+    #[command(
+        after_help = "The trace has the columns t,fx,fy,fz: the time at the end of each tick, s, and the force on the \
+        instrument, N. It is compared with the full network at the haptic rate, by the measures of `accuracy`. With a \
+        column `mode` (free, stick, slide, slip) the contact modes are compared too, and with px,py,pz, a point of the \
+        surface at rest, the contact points. What does not fit is named first: another rate, gaps, a lag, another unit or \
+        sign. Writes DIR/judge.json.\n\n\
+        Exit codes: 0 PASS: the force error is at most 10 % over the whole scene, which a hand cannot tell apart; 1 FAIL: \
+        it is larger; 2 usage, scene or file error, a number that is not finite, or times that do not ascend; 3 \
+        INCONCLUSIVE: the trace lacks more than a tick at either end of the scene, or gaps have more than 1 % of its ticks, \
+        nothing was touched, or the reference ended in a fault.\n\n\
+        Example: stickslip judge deep-stick-slip --trace mine.csv --scale 0.001 --out /tmp/judge"
+    )]
+    Judge(judge::JudgeArguments),
+    /// Write the problem set as files, for programs that know nothing of this one
+    #[command(
+        after_help = "Writes DIR/README.md, which says how to take part, DIR/suite.json, and a folder for each problem: \
+        body.vtu, network.json, tip.csv (the tip at every tick), reference.csv (force, contact point and normal at every \
+        tick, from the full network at the haptic rate), problem.toml (the same as a scene) and problem.json (rates, contact, \
+        floor, tolerances and the SHA-256 of each file). A solution is compared by `stickslip judge`. It takes about a \
+        minute.\n\n\
+        Exit codes: 0 pass; 1 a reference ended in a fault; 2 usage or file error.\n\n\
+        Example: stickslip suite --out problems\n  stickslip judge problems/tap/problem.toml --trace mine.csv"
+    )]
+    Suite(suite::SuiteArguments),
     /// Certify the deadlines of the servo loop on this machine
     #[cfg(all(feature = "realtime", target_os = "linux"))]
     #[command(
@@ -144,10 +172,13 @@ enum Command {
         on whether models were built in time (global side; absent without cycles). \
         A control loop without a payload runs between the ticks: deadlines that it misses too are the machine's. The \
         longest ticks are repeated with warm and with cold caches. Writes DIR/certificate.md, certificate.json, \
-        session.json and two figures. Ctrl-C ends the run and certifies what was measured.\n\nWithout the right to \
+        session.json and two figures. With --times instead of a scene it judges the log of another servo loop, a CSV file \
+        with the scheduled release, the start and the end of every tick in ns: the deadline is the period, and there is the \
+        platform part alone. Ctrl-C ends the run and certifies what was measured.\n\nWithout the right to \
         SCHED_FIFO (root, or `ulimit -r`) the platform part cannot pass.\n\nExit codes: 0 all parts PASS; 1 one is \
         FAIL; 2 usage, scene or file error; 3 none is FAIL, and one is INCONCLUSIVE.\n\n\
-        Example: stickslip certify fig5-stick-slip --duration 60 --load cpu --out /tmp/certificate"
+        Examples:\n  stickslip certify fig5-stick-slip --duration 60 --load cpu --out /tmp/certificate\n  \
+        stickslip certify --times loop.csv --rate 1000 --out /tmp/loop"
     )]
     Certify(certify::CertifyArguments),
     /// Check the properties that every haptic renderer has
@@ -235,6 +266,8 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Explain { scene, changes, renderer } => explain::explain(&scene, &changes, &renderer),
         Command::Check(arguments) => check::check(&arguments),
         Command::Accuracy(arguments) => accuracy::accuracy(&arguments),
+        Command::Judge(arguments) => judge::judge(&arguments),
+        Command::Suite(arguments) => suite::suite(&arguments),
         #[cfg(all(feature = "realtime", target_os = "linux"))]
         Command::Certify(arguments) => certify::certify(&arguments),
         Command::Conform(arguments) => conform::conform(&arguments),

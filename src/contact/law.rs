@@ -217,6 +217,11 @@ impl Mode {
             Mode::Slip => "slip",
         }
     }
+
+    /// Returns the mode with a name that a trace uses.
+    pub(crate) fn named(name: &str) -> Option<Self> {
+        [Mode::Free, Mode::Stick, Mode::Slide, Mode::Slip].into_iter().find(|mode| mode.name() == name)
+    }
 }
 
 impl Law {

@@ -34,7 +34,7 @@ words!(Interpolation { Linear = "linear", MinimumJerk = "minimum-jerk" });
 
 impl Interpolation {
     /// Share of the way at a share τ of the time.
-    fn share(self, t: f64) -> f64 {
+    pub(crate) fn share(self, t: f64) -> f64 {
         match self {
             Interpolation::Linear => t,
             Interpolation::MinimumJerk => t * t * t * (10.0 + t * (6.0 * t - 15.0)),

@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::path::Path;
+use std::str::FromStr;
 
 use super::path::{PathError, TipPath, Waypoint};
 use crate::Vec3;
@@ -60,13 +61,8 @@ impl Recording {
         let mut before = f64::NEG_INFINITY;
         for record in reader.records() {
             let record = record?;
-            let line = record.position().map_or(0, csv::Position::line);
-            let number = |index: usize| {
-                let text = record.get(index).unwrap_or_default();
-                let number = text.parse().ok().filter(|number: &f64| number.is_finite());
-                number.ok_or_else(|| PathError::NotANumber { line, text: text.to_owned() })
-            };
-            let [time, x, y, z] = indices.map(number);
+            let line = line(&record);
+            let [time, x, y, z] = indices.map(|index| finite(&record, index));
             let position = Vec3::new(x?, y?, z?) * self.scale;
             let time = time? * self.time_scale;
             if !(time > before) {
@@ -89,20 +85,49 @@ impl Recording {
 
     /// Finds the columns in a header.
     fn indices(&self, header: &csv::StringRecord) -> Result<[usize; 4], PathError> {
-        let found = || header.iter().collect::<Vec<_>>().join(",");
         let Some(columns) = &self.columns else {
-            if header.iter().eq(COLUMNS) {
-                return Ok([0, 1, 2, 3]);
-            }
-            return Err(PathError::Header { found: found() });
+            return if header.iter().eq(COLUMNS) {
+                Ok([0, 1, 2, 3])
+            } else {
+                Err(PathError::Header { found: joined(header) })
+            };
         };
-        let mut indices = [0; 4];
-        for (index, name) in indices.iter_mut().zip(columns) {
-            let place = header.iter().position(|column| column == name);
-            *index = place.ok_or_else(|| PathError::NoColumn { name: name.clone(), found: found() })?;
-        }
-        Ok(indices)
+        find_columns(header, columns.each_ref().map(String::as_str))
     }
+}
+
+/// Finds columns by their names in the header of a CSV file.
+pub(crate) fn find_columns<const N: usize>(
+    header: &csv::StringRecord,
+    names: [&str; N],
+) -> Result<[usize; N], PathError> {
+    let mut indices = [0; N];
+    for (index, name) in indices.iter_mut().zip(names) {
+        let place = header.iter().position(|column| column == name);
+        *index = place.ok_or_else(|| PathError::NoColumn { name: name.to_owned(), found: joined(header) })?;
+    }
+    Ok(indices)
+}
+
+/// Reads a number from a row of a CSV file. The error names the line.
+pub(crate) fn number<T: FromStr>(row: &csv::StringRecord, index: usize) -> Result<T, PathError> {
+    let text = row.get(index).unwrap_or_default();
+    text.parse().map_err(|_| PathError::NotANumber { line: line(row), text: text.to_owned() })
+}
+
+/// Reads a finite number from a row of a CSV file. The error names the line.
+fn finite(row: &csv::StringRecord, index: usize) -> Result<f64, PathError> {
+    let not_finite = || PathError::NotANumber { line: line(row), text: row.get(index).unwrap_or_default().to_owned() };
+    number::<f64>(row, index).and_then(|number| if number.is_finite() { Ok(number) } else { Err(not_finite()) })
+}
+
+/// Returns the line of a row in its CSV file, from 1.
+pub(crate) fn line(row: &csv::StringRecord) -> u64 {
+    row.position().map_or(0, csv::Position::line)
+}
+
+fn joined(header: &csv::StringRecord) -> String {
+    header.iter().collect::<Vec<_>>().join(",")
 }
 
 /// Smooths positions by a first-order low-pass forward and then backward, which cancels its lag. At the frequency `hz` each

@@ -126,7 +126,7 @@ pub fn write_run(
     };
     let out = folder.path();
     folder.clear(&OF_A_RUN)?;
-    write_json(&out.join("network.json"), &NetworkFile::new(simulation.network(), simulation.surface()))?;
+    write_network(&out.join("network.json"), simulation.network(), simulation.surface())?;
 
     let path = out.join("trace.csv");
     let file = WholeFile::create(&path).map_err(failed(&path))?;
@@ -196,6 +196,25 @@ pub fn write_file(path: &Path, content: &[u8]) -> Result<(), WriteError> {
         file.finish()
     };
     write().map_err(|source| WriteError { path: path.to_owned(), source })
+}
+
+/// Writes `network.json`: a full network at rest and its surface, from which another program can repeat a run.
+///
+/// # Errors
+/// If the folder cannot be written.
+pub fn write_network(path: &Path, network: &Network, surface: &Surface) -> Result<(), WriteError> {
+    write_json(path, &NetworkFile::new(network, surface))
+}
+
+/// Writes rows as CSV, with a header from the names of their fields.
+///
+/// # Errors
+/// If the folder cannot be written.
+pub fn write_csv(path: &Path, rows: impl IntoIterator<Item = impl Serialize>) -> Result<(), WriteError> {
+    let mut table = csv::Writer::from_writer(Vec::new());
+    let text = rows.into_iter().try_for_each(|row| table.serialize(row)).map_err(io::Error::other);
+    let text = text.and_then(|()| table.into_inner().map_err(|error| io::Error::other(error.to_string())));
+    write_file(path, &text.map_err(|source| WriteError { path: path.to_owned(), source })?)
 }
 
 /// Writes a value as indented JSON.

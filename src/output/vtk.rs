@@ -11,7 +11,9 @@ use base64::{Engine, prelude::BASE64_STANDARD};
 
 use super::files::{WriteError, write_file};
 use crate::Vec3;
+use crate::model::mesh::Mesh;
 use crate::model::network::Network;
+use crate::model::topology::Surface;
 use crate::pipeline::TickView;
 
 /// Cell type of a point.
@@ -20,6 +22,8 @@ const VTK_VERTEX: u8 = 1;
 const VTK_LINE: u8 = 3;
 /// Cell type of a triangle.
 const VTK_TRIANGLE: u8 = 5;
+/// Cell type of a tetrahedron.
+const VTK_TETRA: u8 = 10;
 
 /// Folder of the frames, beside the `.pvd` files.
 pub(super) const FRAMES: &str = "vtk";
@@ -111,7 +115,7 @@ impl VtkWriter {
     fn write_frame(&mut self, view: &TickView) -> Result<(), WriteError> {
         self.place(view);
         if self.cells.is_empty() {
-            self.cells = cells(view);
+            self.cells = cells(view.network, &view.local.surface().topology);
         }
         let network = view.network;
         let patch = &view.local.model().patch;
@@ -167,10 +171,24 @@ fn contact_weights(view: &TickView) -> Vec<f64> {
     weights
 }
 
-/// Builds the cells, equal in all frames: the surface's triangles, then the springs.
-fn cells(view: &TickView) -> String {
-    let surface = &view.local.surface().topology;
-    let Network { springs, .. } = view.network;
+/// Builds a `.vtu` file of a body at rest: the surface's triangles and the springs as cells, with the mass of each node and
+/// whether it is fixed.
+pub fn body(network: &Network, surface: &Surface) -> String {
+    let fixed: Vec<u8> = network.fixed.iter().map(|&fixed| fixed.into()).collect();
+    let data = [scalars("mass", &network.mass), bytes("fixed", &fixed)];
+    piece(&network.rest, &cells(network, surface), &data.concat())
+}
+
+/// Builds a `.vtu` file of a mesh of tetrahedra.
+pub fn solid(mesh: &Mesh) -> String {
+    let connectivity: Vec<i64> = mesh.tetrahedra.iter().flatten().map(|&node| node.into()).collect();
+    let offsets: Vec<i64> = (1..=mesh.tetrahedra.len() as i64).map(|i| 4 * i).collect();
+    piece_of_cells(&mesh.nodes, &connectivity, &offsets, &vec![VTK_TETRA; mesh.tetrahedra.len()], "")
+}
+
+/// Builds the cells: the surface's triangles, then the springs.
+fn cells(network: &Network, surface: &Surface) -> String {
+    let Network { springs, .. } = network;
     let triangles = (0..surface.triangles.len() as u32).flat_map(|triangle| surface.triangle_nodes(triangle));
     let connectivity: Vec<i64> =
         triangles.chain(springs.iter().flat_map(|spring| spring.nodes)).map(i64::from).collect();

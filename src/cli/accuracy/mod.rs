@@ -21,11 +21,11 @@ use super::terminal::{hand_out, say};
 use super::{Changes, FAIL, PASS, folder, load, page};
 use crate::local::condensation::CondensationCounts;
 use crate::model::work::WorkCounts;
-use crate::output::files::{write_file, write_json};
+use crate::output::files::{write_csv, write_file, write_json};
 use crate::output::summary::Sample;
 use crate::scene::{LocalModelName, Scene, SceneError};
 use crate::verify::accuracy::{
-    self, Assessment, Coverage, Errors, Grid, Method, Names, PAPER, PAPER_RATE_HZ, Reference, Status,
+    self, Assessment, Coverage, Errors, ForceRow, Grid, Method, Names, PAPER, PAPER_RATE_HZ, Reference, Status,
 };
 use crate::verify::orders::{self, Case, ObservedOrder};
 
@@ -152,10 +152,21 @@ struct ReferenceEntry {
     #[serde(flatten)]
     cost: Cost,
     work: WorkCounts,
+    /// Its ticks, for the file of its forces.
+    #[serde(skip)]
+    rows: Vec<ForceRow>,
     /// Samples for the figure of forces.
     #[cfg_attr(not(feature = "plots"), expect(dead_code))]
     #[serde(skip)]
     samples: Vec<Sample>,
+}
+
+impl ReferenceEntry {
+    /// Returns the name of the file with its forces: `reference-` and its contact.
+    fn file_name(&self) -> String {
+        let words = [Some(self.scheme), Some(self.surface), self.deformation, self.metric];
+        format!("reference-{}.csv", words.into_iter().flatten().collect::<Vec<_>>().join("-"))
+    }
 }
 
 /// The best method within the budget, with the scene's own contact.
@@ -180,6 +191,9 @@ pub fn accuracy(arguments: &AccuracyArguments) -> miette::Result<u8> {
 
     let budget = Budget { tick_us: arguments.budget_us, cycle_ms: arguments.cycle_ms };
     let file = compare(&scene, grid, budget, PATIENCE)?;
+    for reference in &file.references {
+        write_csv(&out.join(reference.file_name()), &reference.rows)?;
+    }
     write_json(&out.join("accuracy.json"), &file)?;
     let title = format!("{}: accuracy of local models", file.scene);
     write_file(&out.join("index.html"), page::page(&title, &section::section(&file)?).into_string().as_bytes())?;
@@ -354,6 +368,7 @@ fn entry(reference: Reference, cost: Cost) -> ReferenceEntry {
         energy_residual_rel_fine: fine.energy_residual_rel,
         cost,
         work: coarse.work,
+        rows: coarse.rows().collect(),
         samples: coarse.samples(),
         fault: coarse.fault,
         fault_fine: fine.fault,

@@ -1,5 +1,6 @@
 //! `stickslip certify`: a certificate of the servo loop's deadlines on this machine.
 
+mod log;
 mod page;
 
 use std::path::{Path, PathBuf};
@@ -26,7 +27,7 @@ use crate::realtime::machine::{Machine, stolen};
 use crate::realtime::meter::{TickTimes, Times};
 use crate::realtime::os;
 use crate::realtime::record::{Quantiles, loop_settings};
-use crate::realtime::threads::{Pass, Served, serve};
+use crate::realtime::threads::{Pass, Served, Window, serve};
 use crate::scene::{Scene, SceneError};
 use crate::session::{ReplayOutcome, ReplayReason, Session, TickToReplay, replay_timed};
 use crate::verify::certificate::causes::StealSample;
@@ -42,11 +43,15 @@ const MOST_PASSES: u64 = 10_000;
 
 #[derive(Debug, Args)]
 pub struct CertifyArguments {
-    /// A scene file or the name of a shipped scene
-    scene: PathBuf,
+    /// A scene file or the name of a shipped scene; not with --times
+    #[arg(required_unless_present = "times")]
+    scene: Option<PathBuf>,
     #[command(flatten)]
     changes: Changes,
-    /// Rate of the servo loop (default: the scene's)
+    /// Judge the log of another servo loop instead: a CSV file with the header release_ns,start_ns,end_ns
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["scene", "changes", "deadline", "duration", "load", "policy", "renderer"])]
+    times: Option<PathBuf>,
+    /// Rate of the servo loop (default: the scene's; with --times, that of the log's releases)
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
     /// Deadline of a command after its tick's release (default: the scene's, or else one tick)
@@ -61,7 +66,7 @@ pub struct CertifyArguments {
     /// Policy for a missed deadline (default: the scene's, or else hold)
     #[arg(long, value_parser = policy_parser())]
     policy: Option<OverrunPolicy>,
-    /// Output folder (default: reports/SCENE)
+    /// Output folder (default: reports/SCENE; with --times, reports/ and the file's name)
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -78,6 +83,9 @@ enum LoadName {
 }
 
 pub fn certify(arguments: &CertifyArguments) -> miette::Result<u8> {
+    if let Some(times) = &arguments.times {
+        return log::certify(times, arguments.rate, arguments.out.as_deref(), &arguments.junit);
+    }
     let scene = asked_for(arguments)?;
     arguments.junit.prepare()?;
     let folder = folder(arguments.out.clone(), &scene, &["certificate.json", "certificate.md", "session.json"])?;
@@ -87,11 +95,15 @@ pub fn certify(arguments: &CertifyArguments) -> miette::Result<u8> {
     hand_out(&certificate)?;
     say(page::words(&certificate))?;
     say(format_args!("certificate: {}", out.join("certificate.md").display()))?;
-    Ok(match certificate.verdict() {
+    Ok(exit_code(certificate.verdict()))
+}
+
+fn exit_code(verdict: Verdict) -> u8 {
+    match verdict {
         Verdict::Pass => PASS,
         Verdict::Fail => FAIL,
         Verdict::Inconclusive => INCONCLUSIVE,
-    })
+    }
 }
 
 /// Returns the verdicts on the parts of a certificate.
@@ -127,8 +139,10 @@ fn policy_parser() -> impl TypedValueParser<Value = OverrunPolicy> {
 
 /// Returns the scene with the changes of the command line.
 fn asked_for(arguments: &CertifyArguments) -> miette::Result<Scene> {
+    // Without --times the command line requires a scene.
+    let path = arguments.scene.as_ref().ok_or_else(|| miette::miette!("give a scene, or a log with --times"))?;
     // The servo thread itself is certified, so the renderer runs in this process.
-    let mut scene = load(&arguments.scene, &arguments.changes, &arguments.renderer)?.with_renderer_in_process();
+    let mut scene = load(path, &arguments.changes, &arguments.renderer)?.with_renderer_in_process();
     if let Some(rate) = arguments.rate {
         let asked = scene.with_local_rate_hz(rate).and_then(|scene| {
             scene.check_real_time()?;
@@ -230,7 +244,10 @@ fn measure(scene: &Scene, duration_s: f64, load: LoadName, out: &Path) -> miette
     );
     write_json(&out.join("session.json"), &session)?;
     write_json(&out.join("certificate.json"), &certificate)?;
-    let figures = page::figures(&served)?;
+    let figures = {
+        let Window { begin_ns, end_ns, .. } = served.window;
+        page::figures(&served.meter, end_ns.saturating_sub(begin_ns) as f64 * 1e-9)?
+    };
     for (name, svg) in &figures {
         write_file(&out.join(name), svg.as_bytes())?;
     }

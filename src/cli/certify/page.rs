@@ -6,8 +6,8 @@ use maud::{Markup, PreEscaped, html};
 
 use crate::cli::page;
 use crate::cli::tick_timing::names;
+use crate::realtime::meter::Meter;
 use crate::realtime::record::Quantiles;
-use crate::realtime::threads::Served;
 use crate::verify::certificate::bounds::RateBound;
 use crate::verify::certificate::parts::Verdict;
 use crate::verify::certificate::tail::Tail;
@@ -15,9 +15,12 @@ use crate::verify::certificate::verdict::{Certificate, IndependenceTests, MissRa
 use crate::verify::lateness::Consequences;
 
 /// File of the figure of responses over time.
-const RESPONSE: &str = "response.svg";
+pub(super) const RESPONSE: &str = "response.svg";
+/// How quantiles are to be read.
+pub(super) const QUANTILES: &str = "Quantiles have three significant digits and are given only where at least one time can lie \
+    beyond; the longest times and all counts are exact. A skipped tick's response is that of the next command.";
 
-fn us(ns: u64) -> f64 {
+pub(super) fn us(ns: u64) -> f64 {
     ns as f64 * 1e-3
 }
 
@@ -39,11 +42,6 @@ pub fn words(certificate: &Certificate) -> String {
     for (name, verdict, reasons) in parts(certificate) {
         part(name, verdict.name(), reasons);
     }
-    let line = |name: &str, q: &Quantiles| {
-        let rare = [("p99.9", q.p999), ("p99.99", q.p9999)];
-        let rare = rare.map(|(name, ns)| ns.map_or(String::new(), |ns| format!(", {name} {:.1}", us(ns)))).concat();
-        format!("{name}: p50 {:.1}, p99 {:.1}{rare}, longest {:.1} µs", us(q.p50), us(q.p99), us(q.max))
-    };
     let lines = [
         line("compute time             ", &compute.compute_ns),
         line("the same on an idle core ", &compute.idle_ns),
@@ -51,6 +49,13 @@ pub fn words(certificate: &Certificate) -> String {
         line("response, without payload", &platform.control.response_ns),
     ];
     text + &lines.join("\n")
+}
+
+/// Returns a line of text with the quantiles of a time.
+pub(super) fn line(name: &str, q: &Quantiles) -> String {
+    let rare = [("p99.9", q.p999), ("p99.99", q.p9999)];
+    let rare = rare.map(|(name, ns)| ns.map_or(String::new(), |ns| format!(", {name} {:.1}", us(ns)))).concat();
+    format!("{name}: p50 {:.1}, p99 {:.1}{rare}, longest {:.1} µs", us(q.p50), us(q.p99), us(q.max))
 }
 
 /// Returns the parts of a certificate with their names, verdicts and reasons.
@@ -80,12 +85,17 @@ fn times(certificate: &Certificate) -> Vec<[String; 7]> {
         rows.push(("global cycle to model", &global.cycle_ns));
         rows.push(("global cycle to model (CPU time of the thread)", &global.cpu_ns));
     }
+    quantile_rows(rows)
+}
+
+/// Returns names and quantiles in µs.
+pub(super) fn quantile_rows<'a>(times: impl IntoIterator<Item = (&'a str, &'a Quantiles)>) -> Vec<[String; 7]> {
     let row = |(name, q): (&str, &Quantiles)| {
         let [p50, p90, p99, p999, p9999, max] = [Some(q.p50), Some(q.p90), Some(q.p99), q.p999, q.p9999, Some(q.max)]
             .map(|ns| ns.map_or("–".to_owned(), |ns| format!("{:.1}", us(ns))));
         [name.to_owned(), p50, p90, p99, p999, p9999, max]
     };
-    rows.into_iter().map(row).collect()
+    times.into_iter().map(row).collect()
 }
 
 /// Builds the report's section.
@@ -167,9 +177,7 @@ pub fn markdown(certificate: &Certificate) -> String {
     for row in times(certificate) {
         say(format!("| {} |", row.join(" | ")));
     }
-    say("\nQuantiles have three significant digits and are given only where at least one time can lie beyond; the \
-         longest times and all counts are exact. A skipped tick's response is that of the next command.\n"
-        .to_owned());
+    say(format!("\n{QUANTILES}\n"));
     say("![response over time](response.svg)\n".to_owned());
     say("![share of ticks with a longer response](distribution.svg)\n".to_owned());
     say("## Deadline misses\n".to_owned());
@@ -295,7 +303,7 @@ fn capitalised(name: &str) -> String {
     rest.next().map_or(String::new(), |first| first.to_uppercase().chain(rest).collect())
 }
 
-fn rate_sentences(rate: &MissRate) -> Vec<String> {
+pub(super) fn rate_sentences(rate: &MissRate) -> Vec<String> {
     let bound = |what: &str, bound: &Option<RateBound>| match bound {
         Some(bound) => format!(
             "{what}: at most {:.1e} with {:.0} % confidence, if {}",
@@ -328,7 +336,7 @@ fn rate_sentences(rate: &MissRate) -> Vec<String> {
     sentences
 }
 
-fn tail_sentence(tail: &Tail) -> String {
+pub(super) fn tail_sentence(tail: &Tail) -> String {
     match tail {
         Tail::Extrapolated { levels, .. } => {
             let levels = levels
@@ -342,15 +350,13 @@ fn tail_sentence(tail: &Tail) -> String {
     }
 }
 
-/// Draws `response.svg` and `distribution.svg`.
+/// Draws `response.svg` and `distribution.svg` of a loop that ran for `span_s` seconds.
 #[cfg(feature = "plots")]
-pub fn figures(served: &Served) -> miette::Result<Vec<(&'static str, String)>> {
+pub fn figures(meter: &Meter, span_s: f64) -> miette::Result<Vec<(&'static str, String)>> {
     use miette::{IntoDiagnostic, WrapErr};
 
     use crate::output::figures::latency::{Interval, over_time, tails};
 
-    let meter = &served.meter;
-    let span_s = served.window.end_ns.saturating_sub(served.window.begin_ns) as f64 * 1e-9;
     let total: u64 = meter.blocks().iter().map(|block| block.ticks).sum();
     let mut before = 0;
     let interval = |block: &crate::realtime::meter::Block| {
@@ -374,6 +380,6 @@ pub fn figures(served: &Served) -> miette::Result<Vec<(&'static str, String)>> {
 
 /// Returns no figures, without the feature `plots`.
 #[cfg(not(feature = "plots"))]
-pub fn figures(_: &Served) -> miette::Result<Vec<(&'static str, String)>> {
+pub fn figures(_: &Meter, _: f64) -> miette::Result<Vec<(&'static str, String)>> {
     Ok(Vec::new())
 }

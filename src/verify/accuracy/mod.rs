@@ -9,4 +9,5 @@ mod record;
 pub use errors::{Assessment, Errors, PERCEPTION, Status, WindowError, front};
 pub use grid::{Coverage, Grid, PAPER, PAPER_RATE_HZ, grid};
 pub use method::{Method, Names, Touching};
-pub use record::{REFINEMENT, Record, Reference};
+pub(crate) use record::OutsideTick;
+pub use record::{ForceRow, REFINEMENT, Record, Reference};

@@ -1,5 +1,9 @@
 //! Records of runs, from which errors are computed, and the references of the methods.
 
+use std::ops::Range;
+
+use serde::Serialize;
+
 use super::super::surfaces::whole;
 use super::method::Touching;
 use crate::Vec3;
@@ -22,6 +26,8 @@ const ONSET_SHARE: f64 = 0.5;
 /// Tick of a record.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RenderedTick {
+    /// Tip at the tick's end, m; none after a fault.
+    pub(super) tip: Option<Vec3>,
     pub(super) force: Vec3,
     normal_force: f64,
     tangential_force: f64,
@@ -36,6 +42,7 @@ pub(super) struct RenderedTick {
 
 /// Tick after a fault, in which nothing is commanded.
 const NOTHING: RenderedTick = RenderedTick {
+    tip: None,
     force: Vec3::new(0.0, 0.0, 0.0),
     normal_force: 0.0,
     tangential_force: 0.0,
@@ -44,6 +51,46 @@ const NOTHING: RenderedTick = RenderedTick {
     place: None,
     handed_over: false,
 };
+
+/// Tick of another program.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct OutsideTick {
+    /// Force on the instrument, N.
+    pub(crate) force: Vec3,
+    /// Contact mode; free if it is not known.
+    pub(crate) mode: Mode,
+    /// Place of the contact point on the surface at rest, m, if it is known.
+    pub(crate) place: Option<Vec3>,
+}
+
+/// Row of `reference.csv`: what a renderer has to bring about in a tick. The columns of the contact point and its normal are
+/// empty in free ticks.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ForceRow {
+    t: f64,
+    qx: Option<f64>,
+    qy: Option<f64>,
+    qz: Option<f64>,
+    fx: f64,
+    fy: f64,
+    fz: f64,
+    px: Option<f64>,
+    py: Option<f64>,
+    pz: Option<f64>,
+    nx: Option<f64>,
+    ny: Option<f64>,
+    nz: Option<f64>,
+    mode: &'static str,
+}
+
+impl ForceRow {
+    fn new(t: f64, rendered: &RenderedTick) -> Self {
+        let axes = |vector: Option<Vec3>| [0, 1, 2].map(|axis| vector.map(|vector| vector[axis]));
+        let ([qx, qy, qz], [px, py, pz]) = (axes(rendered.tip), axes(rendered.place));
+        let ([nx, ny, nz], [fx, fy, fz]) = (axes(rendered.normal), rendered.force.into());
+        Self { t, qx, qy, qz, fx, fy, fz, px, py, pz, nx, ny, nz, mode: rendered.mode.name() }
+    }
+}
 
 /// Record of a run: the state at the end of every tick of the scene, without force after
 /// a fault.
@@ -79,12 +126,30 @@ impl Record {
     /// # Errors
     /// If the scene cannot start. A fault is part of the result.
     pub fn of(scene: &Scene) -> Result<Self, SceneError> {
-        Self::every(scene, 1)
+        Self::every(scene, 1, |_| ())
+    }
+
+    /// Returns the record of forces that another program rendered, one for each tick of `tick_s` seconds.
+    pub(crate) fn of_forces(forces: impl IntoIterator<Item = OutsideTick>, tick_s: f64) -> Self {
+        let rendered = |OutsideTick { force, mode, place }| RenderedTick { force, mode, place, ..NOTHING };
+        Self {
+            rendered: forces.into_iter().map(rendered).collect(),
+            tick: tick_s,
+            fault: None,
+            energy_residual_rel: 0.0,
+            work: WorkCounts::default(),
+            condensation: None,
+        }
+    }
+
+    /// Returns some of the ticks. The energy residual and the counts stay those of the whole run.
+    pub(crate) fn part(&self, ticks: Range<usize>) -> Self {
+        Self { rendered: self.rendered[ticks].to_vec(), ..self.clone() }
     }
 
     /// Runs a scene and records one in `ticks` ticks. The geometric and the massless scheme's force is that of a state and is recorded at
-    /// the end; the velocity scheme's is an impulse over a tick and is recorded as its mean.
-    fn every(scene: &Scene, ticks: u32) -> Result<Self, SceneError> {
+    /// the end; the velocity scheme's is an impulse over a tick and is recorded as its mean. `watch` is called after every tick.
+    fn every(scene: &Scene, ticks: u32, mut watch: impl FnMut(u64)) -> Result<Self, SceneError> {
         let simulation = Simulation::prepare(scene)?;
         let rest = simulation.network().rest.clone();
         let mut record = Self {
@@ -97,6 +162,7 @@ impl Record {
         };
         let mut impulse = Vec3::zeros();
         let end = simulation.run(|view| {
+            watch(view.tick);
             impulse += view.force;
             if (view.tick + 1) % u64::from(ticks) != 0 {
                 return;
@@ -111,6 +177,7 @@ impl Record {
                 view.local.surface().node_weights(&touch.point).map(|(node, weight)| rest[node] * weight).sum()
             });
             record.rendered.push(RenderedTick {
+                tip: Some(view.tip),
                 force,
                 normal_force: report.normal_force,
                 tangential_force: report.tangential_force(),
@@ -137,6 +204,15 @@ impl Record {
             mode: rendered.mode,
         });
         samples.collect()
+    }
+
+    /// Returns a row of `reference.csv` for every tick.
+    pub fn rows(&self) -> impl Iterator<Item = ForceRow> {
+        // Exact for rates that are whole numbers of hertz, unlike multiples of the tick.
+        let rate = 1.0 / self.tick;
+        let rate = if (rate - rate.round()).abs() < 1e-9 * rate { rate.round() } else { rate };
+        let rows = self.rendered.iter().enumerate();
+        rows.map(move |(i, rendered)| ForceRow::new((i + 1) as f64 / rate, rendered))
     }
 
     /// Returns the root mean square of the force, N.
@@ -217,11 +293,31 @@ impl Reference {
     /// # Errors
     /// If the scene cannot start.
     pub fn of(scene: &Scene, touching: Touching) -> Result<Self, SceneError> {
+        Self::watched(scene, touching, |_| ())
+    }
+
+    /// Runs both references and calls `watch` after every tick with the number of ticks done, of
+    /// (1 + [`REFINEMENT`]) times the scene's.
+    ///
+    /// # Errors
+    /// If the scene cannot start.
+    pub fn watched(scene: &Scene, touching: Touching, mut watch: impl FnMut(u64)) -> Result<Self, SceneError> {
         let coarse = Self::scene(scene, touching);
         let fine = coarse.clone().with_local_rate_hz(coarse.local_rate_hz() * f64::from(REFINEMENT))?;
-        let (coarse, fine) = (Record::of(&coarse)?, Record::every(&fine, REFINEMENT)?);
+        let done = scene.tick_count();
+        let coarse = Record::every(&coarse, 1, |tick| watch(tick + 1))?;
+        let fine = Record::every(&fine, REFINEMENT, |tick| watch(done + tick + 1))?;
+        Ok(Self::between(touching, coarse, fine))
+    }
+
+    /// Returns the reference over some of the ticks.
+    pub(crate) fn part(&self, ticks: Range<usize>) -> Self {
+        Self::between(self.touching, self.coarse.part(ticks.clone()), self.fine.part(ticks))
+    }
+
+    fn between(touching: Touching, coarse: Record, fine: Record) -> Self {
         let floor = force_error(&fine, &coarse);
-        Ok(Self { touching, coarse, fine, floor })
+        Self { touching, coarse, fine, floor }
     }
 }
 

@@ -6,6 +6,8 @@ pub mod causes;
 #[cfg(all(feature = "realtime", target_os = "linux"))]
 pub mod identity;
 #[cfg(all(feature = "realtime", target_os = "linux"))]
+pub mod log;
+#[cfg(all(feature = "realtime", target_os = "linux"))]
 pub mod parts;
 pub mod tail;
 #[cfg(all(feature = "realtime", target_os = "linux"))]

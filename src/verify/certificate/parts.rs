@@ -14,7 +14,7 @@ use crate::realtime::record::Quantiles;
 use crate::realtime::threads::{Obtained, Window};
 
 /// Least number of ticks for a verdict.
-const LEAST_TICKS: u64 = 1000;
+pub(super) const LEAST_TICKS: u64 = 1000;
 /// Least number of models for a verdict on the global side.
 const LEAST_MODELS: u64 = 10;
 
@@ -327,7 +327,8 @@ pub(super) fn platform_part(
     }
 }
 
-fn judge(failed: Vec<String>, open: Vec<String>, passed: Vec<String>) -> (Verdict, Vec<String>) {
+/// Returns the verdict, the worst of what was found, with its reasons.
+pub(super) fn judge(failed: Vec<String>, open: Vec<String>, passed: Vec<String>) -> (Verdict, Vec<String>) {
     if !failed.is_empty() {
         (Verdict::Fail, failed)
     } else if !open.is_empty() {

@@ -85,7 +85,7 @@ pub struct IndependenceTests {
 }
 
 impl MissRate {
-    fn of(meter: &Meter, maxima_ns: &[u64], block_ticks: u64) -> Self {
+    pub(super) fn of(meter: &Meter, maxima_ns: &[u64], block_ticks: u64) -> Self {
         let (missed, all) = (meter.missed() + meter.skipped(), meter.ticks() + meter.skipped());
         let has_miss: Vec<bool> = meter.blocks().iter().map(|block| block.misses > 0).collect();
         let missed_blocks = has_miss.iter().filter(|&&has_miss| has_miss).count() as u64;
@@ -270,9 +270,7 @@ impl Certificate {
         let misses = explain(meter, window, &around.steal, &around.worst);
         let mut causes = BTreeMap::new();
         misses.iter().for_each(|miss| *causes.entry(miss.cause).or_insert(0) += 1);
-        let block_ticks = meter.blocks().first().map_or(0, |block| block.ticks);
-        let whole = meter.blocks().iter().filter(|block| block.ticks == block_ticks);
-        let maxima_ns: Vec<u64> = whole.map(|block| block.response_max_ns).collect();
+        let (maxima_ns, block_ticks) = block_maxima(meter);
         Self {
             version: env!("CARGO_PKG_VERSION"),
             identity: around.identity,
@@ -326,6 +324,13 @@ impl Certificate {
             Verdict::Pass
         }
     }
+}
+
+/// Returns the longest response of each whole block, ns, and the number of ticks in a block.
+pub(super) fn block_maxima(meter: &Meter) -> (Vec<u64>, u64) {
+    let block_ticks = meter.blocks().first().map_or(0, |block| block.ticks);
+    let whole = meter.blocks().iter().filter(|block| block.ticks == block_ticks);
+    (whole.map(|block| block.response_max_ns).collect(), block_ticks)
 }
 
 /// Finds the cause of every miss. The clock of a thread's CPU time runs on while interrupts and a hypervisor have the
