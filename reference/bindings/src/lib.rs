@@ -6,7 +6,9 @@
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 
+mod accuracy;
 mod columns;
+mod conform;
 mod error;
 mod instrument;
 mod keys;
@@ -21,6 +23,14 @@ use pyo3::prelude::*;
 
 #[pymodule(gil_used = false)]
 mod _stickslip {
+    /// Number of runs that `conform` makes.
+    #[pymodule_export]
+    const RUNS: u64 = stickslip::verify::conformance::RUNS;
+
+    #[pymodule_export]
+    use super::accuracy::{Reference, accuracy, judge};
+    #[pymodule_export]
+    use super::conform::conform;
     #[pymodule_export]
     use super::run::run;
     #[pymodule_export]

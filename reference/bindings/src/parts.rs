@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use pyo3::prelude::*;
-use stickslip::{OwnParts, RendererLibrary, Scene};
+use stickslip::{Instrument, OwnParts, Renderer, RendererLibrary, Scene};
 
 use crate::instrument::PythonInstrument;
 use crate::raised::Raised;
@@ -24,17 +24,30 @@ impl Parts {
     /// A renderer in Python goes by its name where another has the path of its library: in the summary, and in the names
     /// of methods. It is never looked for as a file, since the part itself is given.
     pub fn apply(self, scene: &Scene) -> (Scene, OwnParts, Raised) {
-        let (mut scene, mut own, raised) = (scene.clone(), OwnParts::default(), Raised::default());
+        let (instrument, (scene, renderer, raised)) =
+            (self.instrument, Self { instrument: None, ..self }.renderers(scene));
+        let instrument = instrument
+            .map(|adapter| -> Box<dyn Instrument> { Box::new(PythonInstrument::new(adapter, raised.clone())) });
+        let own = OwnParts { renderer: renderer(), instrument, ..OwnParts::default() };
+        (scene, own, raised)
+    }
+
+    /// Returns the scene with its renderer, what gives the renderer in Python for each of several runs, and what it will
+    /// raise in them.
+    pub fn renderers(self, scene: &Scene) -> (Scene, impl Fn() -> Option<Box<dyn Renderer>> + Send, Raised) {
+        let (mut scene, raised) = (scene.clone(), Raised::default());
         if let Some((path, options)) = self.library {
             scene = scene.with_renderer(RendererLibrary::new(path).with_options(options));
         }
-        if let Some((name, renderer)) = self.renderer {
-            scene = scene.with_renderer(RendererLibrary::new(name));
-            own.renderer = Some(Box::new(PythonRenderer::new(renderer, raised.clone())));
-        }
-        if let Some(instrument) = self.instrument {
-            own.instrument = Some(Box::new(PythonInstrument::new(instrument, raised.clone())));
-        }
-        (scene, own, raised)
+        let adapter = self.renderer.map(|(name, adapter)| {
+            scene = scene.clone().with_renderer(RendererLibrary::new(name));
+            adapter
+        });
+        let kept = raised.clone();
+        let renderer = move || -> Option<Box<dyn Renderer>> {
+            let adapter = Python::attach(|py| Some(adapter.as_ref()?.clone_ref(py)))?;
+            Some(Box::new(PythonRenderer::new(adapter, kept.clone())))
+        };
+        (scene, renderer, raised)
     }
 }

@@ -14,15 +14,13 @@ use crate::columns::{Columns, Trace};
 use crate::error::scene_error;
 use crate::parts::Parts;
 use crate::scene::Scene;
-use crate::watch::Watch;
+use crate::watch::{Watch, watched};
 
 /// Why a run has no result.
 enum Failure {
     Scene(SceneError),
     /// The result cannot be put together.
     Result(String),
-    /// A signal or `progress` has ended the run; the watch holds the exception.
-    Stopped,
 }
 
 /// Runs a scene in virtual time. Returns the columns of its trace and its summary as JSON.
@@ -37,17 +35,13 @@ pub fn run(py: Python<'_>, scene: &Scene, parts: Parts, progress: Option<Py<PyAn
         ));
     }
     let (scene, own, raised) = parts.apply(&scene.inner);
-    let mut watch = Watch::new(progress);
-    let done = py.detach(|| execute(&scene, own, &mut watch));
+    let done = watched(py, progress, |watch| execute(&scene, own, watch));
     if let Some(error) = raised.take() {
         return Err(error);
     }
-    watch.end()?;
-    done.map_err(|failure| match failure {
+    done?.map_err(|failure| match failure {
         Failure::Scene(error) => scene_error(py, &error),
         Failure::Result(text) => PyRuntimeError::new_err(text),
-        // The watch has raised already.
-        Failure::Stopped => PyRuntimeError::new_err("the run was stopped"),
     })
 }
 
@@ -63,9 +57,7 @@ fn execute(scene: &stickslip::Scene, own: OwnParts, watch: &mut Watch) -> Result
             Ok(Some(view)) => {
                 recorder.record(&view);
                 trace.record(&view).map_err(result)?;
-                if watch.done(view.tick + 1).is_break() {
-                    return Err(Failure::Stopped);
-                }
+                watch.done(view.tick + 1);
             }
             Ok(None) => break None,
             Err(fault) => break Some(fault),

@@ -1,6 +1,6 @@
 //! What long calls do beside their work: report progress, and notice Ctrl-C.
 
-use std::ops::ControlFlow;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
@@ -8,7 +8,10 @@ use pyo3::prelude::*;
 /// Time between two looks at signals: short for a person, and so rare that taking the interpreter's lock costs nothing.
 const EVERY: Duration = Duration::from_millis(50);
 
-/// Watches a long call from a thread that has released the interpreter's lock.
+/// What unwinds a call that is to end. The library's long calls have an observer, and no way for it to end them.
+struct Stop;
+
+/// Observer of a long call, on a thread that has released the interpreter's lock.
 pub struct Watch {
     progress: Option<Py<PyAny>>,
     last: Instant,
@@ -16,36 +19,44 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// Begins to watch. `progress` is called with the amount done.
-    pub fn new(progress: Option<Py<PyAny>>) -> Self {
-        Self { progress, last: Instant::now(), raised: None }
-    }
-
-    /// Notes how much is done. Breaks if a signal or `progress` has raised an exception.
-    pub fn done(&mut self, amount: u64) -> ControlFlow<()> {
-        if self.raised.is_none() && self.last.elapsed() < EVERY {
-            return ControlFlow::Continue(());
+    /// Notes how much is done. Now and then, lets Python handle signals and calls `progress`; an exception in either ends
+    /// the call.
+    pub fn done(&mut self, amount: u64) {
+        if self.last.elapsed() < EVERY {
+            return;
         }
         let looked = Python::attach(|py| {
             py.check_signals()?;
             self.progress.as_ref().map_or(Ok(()), |progress| progress.call1(py, (amount,)).map(|_| ()))
         });
         self.last = Instant::now();
-        match looked {
-            Ok(()) if self.raised.is_none() => ControlFlow::Continue(()),
-            Ok(()) => ControlFlow::Break(()),
-            Err(error) => {
-                self.raised.get_or_insert(error);
-                ControlFlow::Break(())
-            }
+        if let Err(error) = looked {
+            self.stop(error);
         }
     }
 
-    /// Ends the watch.
-    ///
-    /// # Errors
-    /// With the exception that broke the call.
-    pub fn end(self) -> PyResult<()> {
-        self.raised.map_or(Ok(()), Err)
+    /// Ends the call with an exception.
+    pub fn stop(&mut self, error: PyErr) -> ! {
+        self.raised = Some(error);
+        resume_unwind(Box::new(Stop))
+    }
+}
+
+/// Does long work without the interpreter's lock. `progress` is called with the amount done.
+///
+/// # Errors
+/// With the exception that ended the work.
+pub fn watched<R: Send>(
+    py: Python<'_>,
+    progress: Option<Py<PyAny>>,
+    work: impl FnOnce(&mut Watch) -> R + Send,
+) -> PyResult<R> {
+    let mut watch = Watch { progress, last: Instant::now(), raised: None };
+    // What the work has left half done is dropped with it.
+    let done = py.detach(|| catch_unwind(AssertUnwindSafe(|| work(&mut watch))));
+    match (done, watch.raised) {
+        (_, Some(error)) => Err(error),
+        (Ok(result), None) => Ok(result),
+        (Err(panic), None) => resume_unwind(panic),
     }
 }

@@ -9,6 +9,7 @@ True
 All quantities are SI, and all axes right-handed. ``reference/bindings/README.md`` is a tutorial.
 """
 
+from ._accuracy import Reference, accuracy, conform, judge
 from ._errors import SceneError
 from ._parts import Body, Instrument, Moved, Rendered, Renderer, RendererModel, Setup, State
 from ._run import Result, run
@@ -18,6 +19,7 @@ __all__ = [
     "Body",
     "Instrument",
     "Moved",
+    "Reference",
     "Rendered",
     "Renderer",
     "RendererModel",
@@ -26,5 +28,8 @@ __all__ = [
     "SceneError",
     "Setup",
     "State",
+    "accuracy",
+    "conform",
+    "judge",
     "run",
 ]
