@@ -5,6 +5,8 @@ mod baselines;
 mod by_file;
 mod changes;
 mod compared;
+#[cfg(all(feature = "external", feature = "realtime", target_os = "linux"))]
+mod external;
 mod junit;
 mod printed;
 mod recorded_paths;

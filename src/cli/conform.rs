@@ -107,7 +107,8 @@ fn section(conformance: &Conformance) -> Markup {
         p { strong { (verdict(conformance)) } }
         p {
             "Renderer: " code { (conformance.renderer) } ". Body, contact law and contact surface: scene "
-            code { (conformance.scene) } ". Presses are " (significant(1e3 * conformance.depth_m)) " mm deep."
+            code { (conformance.scene) } ". Presses are " (significant(1e3 * conformance.depth_m)) " mm deep, drags "
+            (significant(1e3 * conformance.drag_m)) " mm long."
         }
         (page::table("words", ["property", "verdict", "measured", "limit", "what every renderer does", "finding", "motions"], rows))
     }

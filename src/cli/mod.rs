@@ -10,9 +10,11 @@ mod diagnostic;
 mod explain;
 #[cfg(all(feature = "external", target_os = "linux"))]
 mod external;
+mod init;
 mod interrupt;
 mod judge;
 mod junit;
+mod list;
 mod manual;
 mod page;
 mod progress;
@@ -155,7 +157,7 @@ enum Command {
     Judge(judge::JudgeArguments),
     /// Write the problem set as files, for programs that know nothing of this one
     #[command(
-        after_help = "Writes DIR/README.md, which says how to take part, DIR/suite.json, and a folder for each problem: \
+        after_help = "Writes DIR/README.md, which explains how to take part, DIR/example.py, DIR/suite.json, and a folder for each problem: \
         body.vtu, network.json, tip.csv (the tip at every tick), reference.csv (force, contact point and normal at every \
         tick, from the full network at the haptic rate), problem.toml (the same as a scene) and problem.json (rates, contact, \
         floor, tolerances and the SHA-256 of each file). A solution is compared by `stickslip judge`. It takes about a \
@@ -211,6 +213,17 @@ enum Command {
         /// A shared library
         library: PathBuf,
     },
+    /// Write a commented scene to start from
+    #[command(
+        after_help = "Writes every table with the keys that are changed most, their accepted values and the defaults. With \
+        --mesh the unit, the fixed nodes, the path of the tip, the material and the steps are chosen for the mesh, and the \
+        choices are stated. The scene runs as it is.\n\nExit codes: 0 written; 2 usage or mesh error, or the file is there \
+        already.\n\nExamples:\n  stickslip init my-scene.toml\n  stickslip init organ.toml --mesh organ.vtu"
+    )]
+    Init(init::InitArguments),
+    /// List the shipped scenes and what each shows
+    #[command(after_help = "Example: stickslip list --json")]
+    List,
     /// Print a shell's script for the completion of commands and options
     #[command(
         after_help = "Example: stickslip completions bash > ~/.local/share/bash-completion/completions/stickslip"
@@ -274,6 +287,8 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Replay { file } => replay::replay(&file),
         #[cfg(all(feature = "external", target_os = "linux"))]
         Command::ServeRenderer { library } => external::serve(&library),
+        Command::Init(arguments) => init::init(&arguments),
+        Command::List => list::list(),
         Command::Completions { shell } => manual::completions(shell),
         Command::Man { out } => manual::man(out.as_deref()),
     };

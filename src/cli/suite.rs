@@ -43,7 +43,7 @@ struct ProblemEntry {
 
 pub fn suite(arguments: &SuiteArguments) -> miette::Result<u8> {
     let folder = ResultFolder::take(&arguments.out)?;
-    folder.clear(&["suite.json", "README.md"])?;
+    folder.clear(&["suite.json", "README.md", "example.py"])?;
     let out = folder.path();
     let progress = Mutex::new(Progress::new(PROBLEMS.len() as u64, "problems"));
     let written: Vec<ProblemFile> = PROBLEMS
@@ -68,6 +68,7 @@ pub fn suite(arguments: &SuiteArguments) -> miette::Result<u8> {
     };
     let problems = written.iter().map(entry).collect();
     let file = SuiteFile { suite: suite::VERSION, program: env!("CARGO_PKG_VERSION"), problems };
+    write_file(&out.join("example.py"), suite::EXAMPLE.as_bytes())?;
     write_file(&out.join("README.md"), suite::guide(&written).as_bytes())?;
     write_json(&out.join("suite.json"), &file)?;
 

@@ -219,6 +219,7 @@ impl Mode {
     }
 
     /// Returns the mode with a name that a trace uses.
+    #[cfg(feature = "files")]
     pub(crate) fn named(name: &str) -> Option<Self> {
         [Mode::Free, Mode::Stick, Mode::Slide, Mode::Slip].into_iter().find(|mode| mode.name() == name)
     }

@@ -89,7 +89,10 @@ impl Library {
         // SAFETY: the buffer has the capacity that is passed with it.
         let length = unsafe { message(renderer, text.as_mut_ptr().cast(), LONGEST_MESSAGE as u64) };
         text.truncate(usize::try_from(length).unwrap_or(LONGEST_MESSAGE).min(LONGEST_MESSAGE));
-        let text = String::from_utf8_lossy(&text).trim_end_matches('\0').trim().to_owned();
+        let text = String::from_utf8_lossy(&text);
+        // The text goes to terminals and files, and comes from outside.
+        let printable = |c: char| if c.is_control() && c != '\n' { char::REPLACEMENT_CHARACTER } else { c };
+        let text: String = text.trim_end_matches('\0').trim().chars().map(printable).collect();
         (!text.is_empty()).then_some(text)
     }
 }

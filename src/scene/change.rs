@@ -20,7 +20,7 @@ use toml_edit::{DocumentMut, InlineTable, Item, Table, Value};
 /// let changed = Scene::parse_with(text, "fig5.toml".as_ref(), &changes)?;
 /// assert_eq!(changed.name, "half-the-friction");
 /// assert_eq!(changed.changes(), ["contact.friction=0.5", "name=half-the-friction"]);
-/// assert!(changed.text().is_some_and(|text| text.contains("friction = 0.5 ")));
+/// assert!(changed.text().is_some_and(|text| text.contains("friction = 0.5\n")));
 ///
 /// let error = Scene::parse_with(text, "fig5.toml".as_ref(), &["contact.frictoin=1".parse()?]).unwrap_err();
 /// assert_eq!(error.change().map(ToString::to_string).as_deref(), Some("contact.frictoin=1"));

@@ -195,7 +195,7 @@ pub(super) fn fits(key: &'static str, size: &Size, run: Run) -> Result<(), Probl
 /// Returns the available memory, bytes: what is free on the machine, limited by what the process's control group and its
 /// address-space limit leave. A build without the feature `files` does not look, and accepts every scene.
 #[cfg(feature = "files")]
-pub(super) fn available_memory() -> u64 {
+pub(crate) fn available_memory() -> u64 {
     let mut system = sysinfo::System::new();
     system.refresh_memory();
     let free = system.available_memory();
@@ -215,7 +215,7 @@ fn address_space() -> u64 {
 }
 
 #[cfg(not(feature = "files"))]
-pub(super) fn available_memory() -> u64 {
+pub(crate) fn available_memory() -> u64 {
     u64::MAX
 }
 

@@ -24,6 +24,10 @@ pub use change::{Change, ChangeError};
 #[cfg(feature = "files")]
 pub(crate) use check::MOST_REAL_TIME_HZ;
 pub use error::{Problem, SceneError};
+#[cfg(feature = "cli")]
+pub(crate) use keys::accepted;
+#[cfg(feature = "cli")]
+pub(crate) use memory::available_memory;
 pub use mesh::MeshSource;
 pub use parts::Part;
 pub use shipped::{Expectation, SHIPPED, Shipped};

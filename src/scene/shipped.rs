@@ -11,6 +11,20 @@ pub struct Shipped {
     pub expectation: Expectation,
 }
 
+impl Shipped {
+    /// Returns what the scene shows: the comment that its text begins with.
+    ///
+    /// ```
+    /// use stickslip::scene::SHIPPED;
+    ///
+    /// assert!(SHIPPED.iter().all(|shipped| shipped.description().ends_with('.')));
+    /// ```
+    pub fn description(&self) -> String {
+        let lines: Vec<&str> = self.text.lines().map_while(|line| line.strip_prefix('#')).map(str::trim).collect();
+        lines.join(" ")
+    }
+}
+
 /// The expected end of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Expectation {

@@ -7,7 +7,7 @@ import numpy as np
 from scipy import sparse
 from scipy.optimize import brentq
 
-from .subdivision import Subdivision
+from .subdivision import Subdivision, regular_values
 from .surface import DISTANCE_TOLERANCE, Point, Surface, cross
 
 STATIONARITY = 1e-12  # of a triangle's edge: the offset's part along the surface
@@ -43,18 +43,22 @@ class LimitSurface(Surface):
         super().__init__(triangles)
         self.subdivision = Subdivision(self.triangles)
         self.borders()
-        patches = [self.subdivision.patch(triangle) for triangle in range(len(self.triangles))]
-        widest = max(len(nodes) for nodes, _ in patches)
-        self.control_hulls = np.array([np.pad(nodes, (0, widest - len(nodes)), mode="edge") for nodes, _ in patches])
-        self.regular = np.array([neighbourhood.is_regular() for _, neighbourhood in patches])
         counts = [(SAMPLES - i - j, i, j) for i in range(SAMPLES + 1) for j in range(SAMPLES + 1 - i)]
         self.starts = np.array(counts) / SAMPLES
-        self.bezier = np.linalg.inv([[bernstein(powers, weights) for powers in counts] for weights in self.starts])
-        bases = [self.subdivision.basis(triangle, start) for start in self.starts for triangle in range(len(self.triangles))]
-        ends = np.cumsum([0] + [len(basis.nodes) for basis in bases])
-        self.samples = sparse.csr_matrix((np.concatenate([basis.value for basis in bases]),
-                                          np.concatenate([basis.nodes for basis in bases]), ends),
-                                         shape=(len(bases), int(self.triangles.max()) + 1))
+        patches = [self.subdivision.patch(triangle) for triangle in range(len(self.triangles))]
+        bases = [self.subdivision.basis(triangle, start) for start in self.starts for triangle in range(len(patches))]
+        self.samples = self.rows([(basis.nodes, basis.value[None]) for basis in bases])
+        values = np.array([regular_values(weights)[0] for weights in self.starts])
+        bezier = np.linalg.solve([[bernstein(powers, weights) for powers in counts] for weights in self.starts], values)
+        hulls = [(nodes, hull(neighbourhood, bezier)) for nodes, neighbourhood in patches]
+        self.hulls, self.hull_starts = self.rows(hulls), np.cumsum([0] + [len(points) for _, points in hulls[:-1]])
+
+    def rows(self, points):
+        """Points, given as nodes and weights (p, k), as one matrix on the positions of all nodes."""
+        counts = np.concatenate([np.full(len(weights), len(nodes)) for nodes, weights in points])
+        nodes = np.concatenate([np.tile(nodes, len(weights)) for nodes, weights in points])
+        return sparse.csr_matrix((np.concatenate([weights.ravel() for _, weights in points]), nodes,
+                                  np.cumsum([0, *counts])), shape=(len(counts), int(self.triangles.max()) + 1))
 
     def borders(self):
         """The border edge that starts and that ends at a node, as (triangle, corner opposite)."""
@@ -68,10 +72,10 @@ class LimitSurface(Surface):
 
     def frame(self, triangle, weights, x):
         """The point, its first (2, 3) and second (3, 3) derivatives, and the length of an edge."""
-        basis = self.subdivision.basis(triangle, weights)
-        control = x[basis.nodes]
-        return (basis.value @ control, basis.first @ control, basis.second @ control,
-                np.linalg.norm(control[1] - control[0]))
+        nodes, values = self.subdivision.derivatives(triangle, weights)
+        control = x.take(nodes, axis=0)
+        place = values @ control
+        return place[0], place[1:3], place[3:], math.dist(control[0].tolist(), control[1].tolist())
 
     def position(self, point, x):
         return self.frame(point.triangle, point.weights, x)[0]
@@ -168,9 +172,9 @@ class LimitSurface(Surface):
 
     def nearest_found(self, q, x):
         """The nearest of the points found from every triangle whose hull could hold the nearest."""
-        sampled = (self.samples @ x[: self.samples.shape[1]]).reshape(len(self.starts), -1)
-        squared = ((sampled.reshape(len(self.starts), -1, 3) - q) ** 2).sum(axis=2)
-        beyond = self.beyond_hulls(q, sampled, x)
+        offsets = (self.samples @ x[: self.samples.shape[1]]).reshape(len(self.starts), -1, 3) - q
+        squared = (offsets * offsets).sum(axis=2)
+        beyond = self.beyond_hulls(q, x)
         starts, nearest = squared.argmin(axis=0), squared.min(axis=0)
         found, bound = [], nearest.min()
         for t in np.argsort(nearest, kind="stable").tolist():
@@ -182,13 +186,10 @@ class LimitSurface(Surface):
         same = [each for each in found if each.squared <= least.squared + DISTANCE_TOLERANCE]
         return min(same, key=lambda each: each.point.triangle)
 
-    def beyond_hulls(self, q, sampled, x):
-        """Squared distances (t,) of q from boxes that hold the triangles: round the control points of a patch's Bezier form
-        where it is a quartic, else round all nodes on which the triangle depends."""
-        hulls = (self.bezier @ sampled).reshape(len(self.starts), -1, 3)
-        low, high = hulls.min(axis=0), hulls.max(axis=0)
-        nodes = x[self.control_hulls[~self.regular]]
-        low[~self.regular], high[~self.regular] = nodes.min(axis=1), nodes.max(axis=1)
+    def beyond_hulls(self, q, x):
+        """Squared distances (t,) of q from boxes round the triangles' hulls."""
+        points = self.hulls @ x[: self.hulls.shape[1]]
+        low, high = (bound.reduceat(points, self.hull_starts) for bound in (np.minimum, np.maximum))
         beyond = np.maximum(0.0, np.maximum(low - q, q - high))
         return (beyond * beyond).sum(axis=1)
 
@@ -242,6 +243,16 @@ class LimitSurface(Surface):
                 if abs(value) <= ON_SURFACE:  # else the nearest point went round an open border
                     return tau, point
         return None
+
+
+def hull(neighbourhood, bezier, divisions=1):
+    """Points (p, k) by control nodes whose convex hull holds a triangle: of the Bezier form of a quartic patch, for which
+    `bezier` has those of the box splines; else of the triangle's quarters, and in the end all vertices of a neighbourhood."""
+    if neighbourhood.is_regular():
+        return neighbourhood.origin + bezier @ neighbourhood.control()
+    if divisions == 0:
+        return neighbourhood.origin + neighbourhood.rows
+    return np.concatenate([hull(neighbourhood.child(which), bezier, divisions - 1) for which in range(4)])
 
 
 def bernstein(powers, weights):

@@ -83,7 +83,7 @@ EXPONENTS, COEFFICIENTS = coefficient_table()
 
 def regular_values(weights):
     """(6, 12): value and derivatives by u, v, uu, uv, vv of the box splines of `LATTICE`."""
-    a, b, c = ((1.0, w, w * w, w * w * w, w * w * w * w) for w in np.asarray(weights).tolist())
+    a, b, c = ((1.0, w, w * w, w * w * w, w * w * w * w) for w in weights)
     return COEFFICIENTS @ [a[i] * b[j] * c[k] for i, j, k in EXPONENTS]
 
 
@@ -260,27 +260,34 @@ class Subdivision:
 
     def basis(self, triangle, weights):
         """The Basis at barycentrics `weights` of a triangle."""
+        nodes, values = self.derivatives(triangle, weights)
+        return Basis(nodes, values[0], values[1:3], values[3:])
+
+    def derivatives(self, triangle, weights):
+        """Nodes (k,), and (6, k) of their basis functions: values, and derivatives by u, v, uu, uv, vv."""
         nodes, neighbourhood = self.patch(triangle)
-        weights = np.array(weights, dtype=float)
+        weights = [float(weight) for weight in weights]
         scale = 1.0
         for _ in range(HALVINGS):
             if neighbourhood.is_regular():
                 values = regular_values(weights) @ neighbourhood.control()
                 break
-            largest = int(weights.argmax())
-            others = [(largest + 1) % 3, (largest + 2) % 3]
+            largest = weights.index(max(weights))
             if weights[largest] >= 0.5:
-                if not weights[others].any() and not neighbourhood.is_regular_at(largest):
+                if weights[largest - 1] == weights[largest - 2] == 0.0 and not neighbourhood.is_regular_at(largest):
                     values, scale = neighbourhood.at_vertex(largest), 1.0
                     break
                 neighbourhood = neighbourhood.child(largest)
-                weights[others] *= 2.0
-                weights[largest] = 1.0 - weights[others].sum()
+                weights = [2.0 * weight for weight in weights]
+                weights[largest] = 1.0 - (weights[largest - 1] + weights[largest - 2])
                 scale *= 2.0
             else:
                 neighbourhood = neighbourhood.child(3)
-                weights = 1.0 - 2.0 * weights
+                weights = [1.0 - 2.0 * weight for weight in weights]
                 scale *= -2.0
         else:
             values, scale = neighbourhood.at_vertex(largest), 1.0
-        return Basis(nodes, neighbourhood.origin + values[0], scale * values[1:3], scale * scale * values[3:])
+        values[0] += neighbourhood.origin
+        values[1:3] *= scale
+        values[3:] *= scale * scale
+        return nodes, values

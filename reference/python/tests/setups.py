@@ -1,4 +1,12 @@
-"""Scenes and small networks that several tests share."""
+"""Scenes and small networks that several tests share, and scripts run without a new interpreter."""
+
+import contextlib
+import io
+import runpy
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from unittest import mock
 
 import numpy as np
 
@@ -59,3 +67,18 @@ def plate_scene(waypoints, law="stick-slip", friction=0.5, rate=1000.0, duration
         contact["friction"] = friction
     return Scene({"name": "plate", "duration": duration or waypoints[-1][0], "mesh": {}, "material": {"damping": 0.0},
                   "local": {"model": "full", "rate": rate}, "contact": contact, "instrument": {"waypoints": waypoints}})
+
+
+def script(name, *arguments):
+    """Exit status and output of one of the reference's scripts, run as by a shell but in this interpreter: to start another
+    one takes longer than most of what tests ask of it. What needs processes of its own must be started as one."""
+    path = str(Path(__file__).parents[1] / name)
+    out, error = io.StringIO(), io.StringIO()
+    with (mock.patch.object(sys, "argv", [path, *map(str, arguments)]), contextlib.redirect_stdout(out),
+          contextlib.redirect_stderr(error)):
+        try:
+            runpy.run_path(path, run_name="__main__")
+            status = 0
+        except SystemExit as ended:
+            status = ended.code or 0
+    return SimpleNamespace(returncode=status, stdout=out.getvalue(), stderr=error.getvalue())

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from setups import scene
+from setups import scene, script
 from stickslip_reference import comparison, cycle, local_model, tick, trace
 from stickslip_reference import network as net
 from stickslip_reference.scene import SceneError
@@ -219,17 +219,17 @@ instrument = { waypoints = [[0.0, 0.001, 0.0013, 0.001], [0.05, 0.001, 0.0013, -
     return folder
 
 
-def call(script, *arguments):
-    return subprocess.run([sys.executable, HERE / script, *arguments], capture_output=True, text=True)
+def call(name, *arguments):
+    return subprocess.run([sys.executable, HERE / name, *arguments], capture_output=True, text=True)
 
 
-def compare(folder, out, **files):
+def compare(folder, out, run=script, **files):
     paths = {"trace": folder / "trace.csv", "network": folder / "network.json"} | files
-    return call("compare.py", folder / "scene.toml", "--trace", paths["trace"], "--network", paths["network"], "--out", out)
+    return run("compare.py", folder / "scene.toml", "--trace", paths["trace"], "--network", paths["network"], "--out", out)
 
 
 def test_compare_passes_on_the_references_own_trace(files, tmp_path):
-    done = compare(files, tmp_path)
+    done = compare(files, tmp_path, run=call)
     assert done.returncode == 0, done.stdout + done.stderr
     verdict = json.loads((tmp_path / "reference-comparison.json").read_text())
     assert verdict["pass"] and verdict["rows"] == {"reference": 100, "trace": 100}
@@ -243,7 +243,7 @@ def test_compare_passes_on_the_references_own_trace(files, tmp_path):
 def test_compare_takes_every_surface_and_scheme(files, tmp_path, contact):
     text = (files / "scene.toml").read_text()
     (tmp_path / "scene.toml").write_text(text.replace("friction = 1.0", f"friction = 1.0, {contact}"))
-    done = call("simulate.py", tmp_path / "scene.toml", "--network", files / "network.json",
+    done = script("simulate.py", tmp_path / "scene.toml", "--network", files / "network.json",
                 "--out", tmp_path / "trace.csv")
     assert done.returncode == 0 and '"inside_without_contact": 0' in done.stdout, done.stderr
     done = compare(tmp_path, tmp_path, network=files / "network.json")
@@ -321,5 +321,5 @@ def test_compare_goes_through_all_scenes_whatever_becomes_of_one(files, tmp_path
         assert f"{scene}: {outcome}" in text
     for name, passes in (("same", True), ("shorter", False), ("again", True)):
         assert json.loads((tmp_path / name / "reference-comparison.json").read_text())["pass"] == passes
-    assert call("compare.py", same, again).returncode == 2
-    assert call("compare.py", same, "--runs", tmp_path, "--out", tmp_path).returncode == 2
+    assert script("compare.py", same, again).returncode == 2
+    assert script("compare.py", same, "--runs", tmp_path, "--out", tmp_path).returncode == 2

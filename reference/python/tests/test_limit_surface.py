@@ -9,7 +9,7 @@ from setups import scene
 from stickslip_reference import network as net
 from stickslip_reference.limit_surface import LimitSurface
 from stickslip_reference.surface import Point
-from test_subdivision import lattice, refine
+from test_subdivision import MESHES, lattice, refine, rough
 from test_surface import deformed, random_motion, solid_angle
 
 EDGE = 0.0125
@@ -27,6 +27,19 @@ SAMPLING = 0.05
 def block_surface():
     network = net.block(scene(mesh={"nodes": [4, 4, 3]}))
     return network, LimitSurface(network.triangles)
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_hulls_hold_their_triangles(name):
+    """A search leaves out the triangles whose hull is further away than what it has: no point may be outside its hull's box."""
+    x, triangles = rough(name)
+    surface = LimitSurface(triangles)
+    points = np.split(surface.hulls @ x, surface.hull_starts[1:])
+    for triangle, hull in enumerate(points):
+        for weights in (*np.eye(3), *np.random.default_rng(triangle).dirichlet([0.5, 0.5, 0.5], 5)):
+            p = surface.position(Point(triangle, weights), x)
+            assert (p >= hull.min(axis=0) - PLACE_TOLERANCE / EDGE).all() and (p <= hull.max(axis=0) + PLACE_TOLERANCE / EDGE).all()
+    assert np.ptp(points[0], axis=0).max() < np.ptp(x[surface.subdivision.patch(0)[0]], axis=0).max()
 
 
 def sampled(surface, x, intervals=16):
@@ -157,6 +170,23 @@ def test_open_borders():
         found = surface.nearest_found(q, x)
         points = np.array([surface.position(Point(t, w), x) for t in range(len(triangles)) for w in np.eye(3)])
         assert found.off and np.sqrt(found.squared) <= np.linalg.norm(points - q, axis=1).min() + 1e-12
+
+
+def test_a_tip_off_a_bent_border_is_nearest_to_a_point_on_it(within):
+    """Offset across the border, outwards and up: the search goes along the border to the point it was offset from, and stays."""
+    x, triangles = lattice(7, 7)
+    x = x + 0.1 * np.random.default_rng(8).normal(size=x.shape)
+    surface = LimitSurface(triangles)
+    for triangle, corner in surface.border_from.values():
+        one, other = np.eye(3)[(corner + 1) % 3], np.eye(3)[(corner + 2) % 3]
+        for share in (0.2, 0.7):
+            point = Point(triangle, (1.0 - share) * one + share * other)
+            p, normal = surface.position(point, x), surface.normal(point, x)
+            tangent = (other - one)[1:] @ surface.frame(triangle, point.weights, x)[1]
+            outwards = np.cross(tangent, normal) / np.linalg.norm(tangent)
+            found = surface.descend(p + 0.1 * outwards + 0.05 * normal, Point(triangle, 0.5 * (one + other)), x)
+            assert found.off
+            within("point on a border, of an edge", np.linalg.norm(surface.position(found.point, x) - p), WEIGHT_TOLERANCE)
 
 
 def test_collision_with_a_moving_sheet(within):

@@ -1,21 +1,17 @@
 """The loop through the modelled device: what stands between it and the contact, scenes, runs, comparison."""
 
 import dataclasses
-import subprocess
-import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from setups import scene
+from setups import scene, script
 from stickslip_reference import comparison, cycle, phantom, trace
 from stickslip_reference import network as net
 from stickslip_reference.instrument import Coupling, PassivityControl, Phantom, Smoothing
 from stickslip_reference.scene import SceneError
 
-HERE = Path(__file__).parents[1]
 ROUNDING_TOLERANCE = 1e-13  # N, m or J, of sizes of 1 at most. Measured: 8.9e-16.
 ENERGY_BOOK_TOLERANCE = 1e-15  # J: a damper's work against what was missing, of millijoules. Measured: 2e-18.
 # Fixed point of the coupling, m, after a second. Measured: 8.0e-15.
@@ -328,9 +324,8 @@ passivity_control = true
 def test_scripts_run_and_compare_a_device(tmp_path):
     (tmp_path / "scene.toml").write_text(SCENE)
 
-    def call(script, *arguments):
-        return subprocess.run([sys.executable, HERE / script, tmp_path / "scene.toml", *arguments], capture_output=True,
-                              text=True)
+    def call(name, *arguments):
+        return script(name, tmp_path / "scene.toml", *arguments)
     done = call("simulate.py", "--out", tmp_path / "trace.csv", "--write-network", tmp_path / "network.json")
     assert done.returncode == 0, done.stderr
     header, *rows = (tmp_path / "trace.csv").read_text().splitlines()

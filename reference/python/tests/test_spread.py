@@ -101,7 +101,7 @@ def test_weights_against_sums_over_many_points(within, surface):
     network, felt = surface
     point = top_points(network, 0.01, 1, seed=5)[0]
     found = felt.spread(point.triangle, point.weights)
-    count = 300 if felt.limit else 1500
+    count = 300 if felt.limit else 800
     r, angle = np.meshgrid((np.arange(count) + 0.5) / count, (np.arange(count // 3) + 0.5) / (count // 3) * 2 * np.pi)
     r = np.sin(0.5 * np.pi * r)  # finer where the pressure has its root
     share = (r * (1.0 - r * r)).ravel()  # r K dr, K = cos, dr = cos

@@ -53,6 +53,8 @@ pub struct Conformance {
     pub verdict: Verdict,
     /// Depth of a press, m.
     pub depth_m: f64,
+    /// Length of a drag, m.
+    pub drag_m: f64,
     /// All properties.
     pub properties: Vec<PropertyFinding>,
 }
@@ -153,6 +155,7 @@ impl Conformance {
             },
             verdict: properties.iter().map(|finding| finding.verdict).min().unwrap_or(Verdict::Inconclusive),
             depth_m: site.depth_m,
+            drag_m: site.length_m,
             properties,
         }))
     }

@@ -7,8 +7,10 @@ use crate::scene::{Scene, SceneError};
 
 /// Depth of a press, as a share of the distance between neighbouring nodes.
 const DEPTH: f64 = 0.1;
-/// Length of a drag, in distances between neighbouring nodes: it crosses edges.
+/// Largest length of a drag, in distances between neighbouring nodes: it crosses edges.
 const DRAG: f64 = 2.0;
+/// Number of points of a drag that have to lie inside the body at rest.
+const POINTS: u32 = 40;
 /// Top speed of a stroke, m/s.
 const STROKE_M_PER_S: f64 = 0.3;
 /// Top speed of a motion of minimum jerk, over its mean speed.
@@ -20,7 +22,7 @@ pub const PRESSED_S: f64 = 0.3;
 pub const HELD_S: f64 = 2.3;
 /// Time at which the tip of [`Motion::LiftOff`] is free again, s. Half of it is a press so slow that dampers take little, and
 /// a renderer that gives energy cannot hide it behind them.
-pub const LIFTED_S: f64 = 4.0;
+pub const LIFTED_S: f64 = 10.0;
 /// Tick of [`Motion::Teleport`] in which the tip jumps out, and the tick in which it jumps in again, deeper.
 pub const JUMPS: [u64; 2] = [500, 600];
 
@@ -32,7 +34,8 @@ pub struct Site {
     along: Vec3,
     /// Depth of a press, m.
     pub depth_m: f64,
-    length_m: f64,
+    /// Length of a drag, m.
+    pub length_m: f64,
 }
 
 impl Site {
@@ -55,13 +58,27 @@ impl Site {
                 along = Some(across.normalize());
             }
         });
-        let spacing = scene.mesh.spacing();
-        Ok(first.map(|(point, normal)| {
-            // Without a drag in the path, any direction along the surface will do.
-            let any = if normal.x.abs() < 0.9 { Vec3::x() } else { Vec3::y() };
-            let along = along.unwrap_or_else(|| any.cross(&normal).normalize());
-            Self { point, normal, along, depth_m: DEPTH * spacing, length_m: DRAG * spacing }
-        }))
+        let Some((point, normal)) = first else { return Ok(None) };
+        let (depth_m, longest_m) = (DEPTH * scene.mesh.spacing(), DRAG * scene.mesh.spacing());
+        // The tip moves straight: on a body that curves away, and near its end, a drag is shorter.
+        let at_rest = Simulation::prepare(&own)?;
+        let shape = at_rest.local().shape();
+        let reach = |along: Vec3| {
+            let inside = |share: f64| {
+                let below = point - normal * (0.5 * depth_m) + along * (share * longest_m);
+                shape.signed_distance(below) < 0.0
+            };
+            let shares = (1..=POINTS).map(|i| f64::from(i) / f64::from(POINTS));
+            shares.take_while(|&share| inside(share)).last().unwrap_or(0.0) * longest_m
+        };
+        // The path's own direction first, if it has one.
+        let any = if normal.x.abs() < 0.9 { Vec3::x() } else { Vec3::y() };
+        let across = any.cross(&normal).normalize();
+        let directions = along.into_iter().chain([across, -across, across.cross(&normal)]);
+        let drags = directions.map(|along| (along, reach(along)));
+        // Of equal ones the first.
+        let (along, length_m) = drags.reduce(|a, b| if b.1 > a.1 { b } else { a }).unwrap_or((across, 0.0));
+        Ok(Some(Self { point, normal, along, depth_m, length_m }))
     }
 
     /// Returns the tip's distance from the surface at rest, m: along the normal at the site.

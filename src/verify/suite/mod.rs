@@ -27,6 +27,8 @@ use crate::scene::{Scene, SceneError};
 
 /// Version of the set. It rises with every change that changes a result.
 pub const VERSION: u32 = 1;
+/// A program in Python that solves `drag-sticking-faceted` from its files alone.
+pub const EXAMPLE: &str = include_str!("../../../fixtures/suite/example.py");
 /// Rate of the ticks, Hz.
 const RATE_HZ: f64 = 1000.0;
 /// Mesh of the organ.

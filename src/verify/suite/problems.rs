@@ -102,8 +102,7 @@ const SHORT_DRAG: Motion = Motion::Through(&[
 pub const PROBLEMS: [ProblemSpec; 15] = [
     ProblemSpec {
         name: "tap",
-        tries: "Contact that begins and ends ten times a second: no force before it, none after it, no impact",
-        law: coulomb(0.5),
+        tries: "Contact that begins and ends ten times a second, at up to 0.15 m/s: no force before it, and none after it",
         motion: Motion::Through(&[
             [0.0, -0.01, 0.0013, 0.001],
             [0.05, -0.01, 0.0013, -0.003],
@@ -152,7 +151,7 @@ pub const PROBLEMS: [ProblemSpec; 15] = [
     },
     ProblemSpec {
         name: "friction-pair",
-        tries: "Kinetic friction below static friction: alternating stick and slip in a slow drag",
+        tries: "Kinetic friction below static friction: the force drops where slip begins, in the middle of a drag",
         law: ContactLaw::StickSlip { static_coefficient: 0.6, kinetic_coefficient: 0.4 },
         motion: DRAG,
         duration_s: 1.6,
@@ -249,7 +248,7 @@ pub const PROBLEMS: [ProblemSpec; 15] = [
     },
     ProblemSpec {
         name: "fine-mesh",
-        tries: "The block in cells of half the size, touched by a disc of 8 mm: eight times the nodes, the same force in the limit",
+        tries: "The block in cells of half the size, touched over a disc of 8 mm: six times the nodes, over more of which a contact is spread",
         body: Body::FineBlock,
         radius_m: 0.008,
         motion: DRAG,
