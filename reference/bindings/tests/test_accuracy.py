@@ -39,7 +39,7 @@ def test_errors_are_those_of_the_definition(reference):
 
 def test_a_renderer_in_python_is_judged(reference, penalty):
     point = stickslip.accuracy(SCENE, penalty, reference)
-    assert point["name"] == "conftest.Penalty, 10 Hz" and point["model"] == "external"
+    assert point["name"] == "tutorial.Penalty, 10 Hz" and point["model"] == "external"
     # A spring of 50 N/m in place of a body of some 400 N/m: 0.887.
     assert 0.85 < point["force_error_rms_rel"] < 0.92 and point["status"] == "ok"
     result = stickslip.run(SCENE, penalty)
@@ -84,8 +84,8 @@ def test_what_cannot_be_compared(reference):
         with pytest.raises(ValueError, match=message):
             stickslip.judge(SCENE, *arguments, reference=reference)
     with pytest.raises(ValueError, match="modelled hand"):
-        by_hand = SCENE.with_keys({"instrument.kind": "phantom-1.5"})
-        stickslip.judge(by_hand, t, forces, reference=stickslip.Reference(by_hand.with_keys(duration=0.002)))
+        by_hand = SCENE.with_keys({"instrument.kind": "phantom-1.5"}, duration=0.002)
+        stickslip.judge(by_hand, t, forces, reference=stickslip.Reference(by_hand))
 
 
 def test_conformance_finds_what_a_renderer_does_wrong(penalty):

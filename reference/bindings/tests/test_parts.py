@@ -11,7 +11,7 @@ def short(duration=0.3, name="fig3-sliding"):
 
 def test_a_penalty_renders_and_pushes_the_network(penalty):
     result = stickslip.run(short(), renderer=penalty)
-    assert result.fault is None and result.summary["renderer"].endswith("conftest.Penalty")
+    assert result.fault is None and result.summary["renderer"].endswith("tutorial.Penalty")
     touching = result.trace["mode"] == "slide"
     assert touching.any() and (result.trace["triangle"][touching] >= 0).all()
     # A spring of 50 N/m, pressed by at most 3 mm on a body that yields.

@@ -12,10 +12,13 @@ class SceneError(ValueError):
 
     >>> import stickslip
     >>> try:
-    ...     stickslip.Scene.shipped("fig5-stick-slip").with_keys({"contact.friction": -1.0})
+    ...     stickslip.Scene.shipped("fig5-stick-slip").with_keys(duration=-1.0)
     ... except stickslip.SceneError as error:
-    ...     print(error.message, "|", error.source_line, "|", error.help)
-    `contact.friction` cannot be -1 | contact.friction=-1.0 | accepted: a number of at least 0
+    ...     print(error)
+    change:1:10: `duration` cannot be -1
+        duration=-1.0
+                 ^^^^
+    help: accepted: a finite number above 0, in s, that is a whole number of ticks of `local.rate`
     """
 
     #: What is wrong.
