@@ -21,6 +21,9 @@ class SceneError(ValueError):
     help: accepted: a finite number above 0, in s, that is a whole number of ticks of `local.rate`
     """
 
+    # Tracebacks name what users import.
+    __module__ = "stickslip"
+
     #: What is wrong.
     message: str
     #: File, or the name of a scene without one; "change" for a key that was set from Python.
