@@ -86,7 +86,7 @@ def accuracy(
     reference = reference or Reference(scene, progress)
     parts = Parts.of(renderer, renderer_options)
     with watched(progress, scene.tick_count, scene.name) as done:
-        return json.loads(_stickslip.accuracy(scene._core, parts, reference._core, done))
+        return _read(_stickslip.accuracy(scene._core, parts, reference._core, done))
 
 
 def judge(
@@ -118,7 +118,12 @@ def judge(
     """
     text = _csv(t, forces, mode, points)
     reference = reference or Reference(scene, progress)
-    return json.loads(_stickslip.judge(scene._core, reference._core, text))
+    return _read(_stickslip.judge(scene._core, reference._core, text))
+
+
+def _read(text: str) -> Dict[str, Any]:
+    result: Dict[str, Any] = json.loads(text)
+    return result
 
 
 def _csv(t: ArrayLike, forces: ArrayLike, mode: Optional[ArrayLike], points: Optional[ArrayLike]) -> str:
@@ -165,4 +170,4 @@ def conform(
     """
     parts = Parts.of(renderer, renderer_options)
     with watched(progress, _stickslip.RUNS, f"{scene.name}: conformance") as done:
-        return json.loads(_stickslip.conform(scene._core, parts, done))
+        return _read(_stickslip.conform(scene._core, parts, done))

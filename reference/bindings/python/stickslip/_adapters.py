@@ -6,8 +6,9 @@ import os
 from typing import Any, Dict, NamedTuple, Optional, Tuple, Union
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ._parts import MODES, Body, Instrument, Rendered, Renderer, Setup, State, vector
+from ._parts import MODES, Body, Floats, Instrument, Rendered, Renderer, Setup, State, vector
 
 #: A renderer in Python, or the path of a shared library with one.
 AnyRenderer = Union[Renderer, str, "os.PathLike[str]"]
@@ -20,12 +21,12 @@ _Vector = Tuple[float, float, float]
 _Contact = Optional[Tuple[int, _Vector, _Vector]]
 
 
-def _rows(values: bytes) -> np.ndarray:
+def _rows(values: bytes) -> Floats:
     return np.frombuffer(values, dtype=np.float64).reshape(-1, 3)
 
 
-def _array(name: str, values: bytes) -> np.ndarray:
-    array = np.frombuffer(values, dtype=_TYPES.get(name, np.float64))
+def _array(name: str, values: bytes) -> NDArray[Any]:
+    array: NDArray[Any] = np.frombuffer(values, dtype=_TYPES.get(name, np.float64))
     return array.reshape(-1, _ROWS[name]) if name in _ROWS else array
 
 

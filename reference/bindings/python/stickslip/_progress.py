@@ -23,7 +23,7 @@ def watched(progress: Progress, total: int, label: str) -> Iterator[Optional[Cal
         yield None
         return
     try:
-        from tqdm.auto import tqdm
+        from tqdm.auto import tqdm  # type: ignore[import-untyped, unused-ignore]
     except ImportError:
         if progress is None:
             yield None

@@ -6,6 +6,7 @@ import json
 from typing import TYPE_CHECKING, Any, Dict, Optional
 
 import numpy as np
+from numpy.typing import NDArray
 
 from . import _stickslip
 from ._adapters import AnyRenderer, Parts
@@ -30,17 +31,18 @@ class Result:
 
     #: The columns of ``trace.csv``, one value per tick. An empty cell is NaN in a column of floats, -1 in ``triangle``,
     #: and an empty word in ``timing``. A run that has not completed a tick has no columns.
-    trace: Dict[str, np.ndarray]
+    trace: Dict[str, NDArray[Any]]
     #: The contents of ``summary.json``.
     summary: Dict[str, Any]
 
-    def __init__(self, trace: Dict[str, np.ndarray], summary: Dict[str, Any]) -> None:
+    def __init__(self, trace: Dict[str, NDArray[Any]], summary: Dict[str, Any]) -> None:
         self.trace, self.summary = trace, summary
 
     @property
     def fault(self) -> Optional[str]:
         """The fault that ended the run, if one did; the ticks before it are kept."""
-        return self.summary["fault"]
+        fault: Optional[str] = self.summary["fault"]
+        return fault
 
     @property
     def t(self) -> Floats:
@@ -56,7 +58,8 @@ class Result:
         """The trace as a data frame of pandas, which has to be installed."""
         import pandas
 
-        return pandas.DataFrame(self.trace)
+        frame: pandas.DataFrame = pandas.DataFrame(self.trace)
+        return frame
 
     def __repr__(self) -> str:
         ticks, verdict = self.summary["ticks"], self.summary["verdict"]["verdict"]
@@ -91,6 +94,6 @@ def run(
     return Result({name: _column(*column) for name, column in columns.items()}, json.loads(summary))
 
 
-def _column(kind: str, values: Any) -> np.ndarray:
+def _column(kind: str, values: Any) -> NDArray[Any]:
     return np.array(values, dtype=np.str_) if kind == "U" else np.frombuffer(values, dtype=kind)
 

@@ -24,6 +24,7 @@ class Scene:
     """
 
     __slots__ = ("_core",)
+    _core: _stickslip.Scene
 
     def __init__(self) -> None:
         raise TypeError("use Scene.shipped, from_file, from_toml or from_dict")
@@ -31,7 +32,7 @@ class Scene:
     @classmethod
     def _of(cls, core: _stickslip.Scene) -> Scene:
         scene = object.__new__(cls)
-        object.__setattr__(scene, "_core", core)
+        scene._core = core
         return scene
 
     @staticmethod
