@@ -175,15 +175,19 @@ impl Assessment {
     /// # Errors
     /// If the method cannot start.
     pub fn of(scene: &Scene, method: &Method, reference: &Reference) -> Result<Self, SceneError> {
-        let record = Record::of(&method.scene(scene))?;
+        Ok(Self::of_record(Record::of(&method.scene(scene))?, reference))
+    }
+
+    /// Computes the errors of a record.
+    pub fn of_record(record: Record, reference: &Reference) -> Self {
         let errors = Errors::of(&record, reference);
         let is_good = errors.force_error_rms_rel <= DIVERGED_ABOVE;
-        Ok(Self {
+        Self {
             is_unresolved: errors.force_error_rms_rel <= reference.floor,
             is_diverged: record.fault.is_some() || !is_good,
             record,
             errors,
-        })
+        }
     }
 
     /// Returns the status of the method.

@@ -12,7 +12,7 @@ use crate::contact::rules::Scheme;
 use crate::local::condensation::CondensationCounts;
 use crate::model::work::WorkCounts;
 use crate::output::summary::Sample;
-use crate::pipeline::Simulation;
+use crate::pipeline::{OwnParts, Simulation};
 use crate::scene::{Scene, SceneError};
 use crate::verify::residual::largest;
 
@@ -126,7 +126,15 @@ impl Record {
     /// # Errors
     /// If the scene cannot start. A fault is part of the result.
     pub fn of(scene: &Scene) -> Result<Self, SceneError> {
-        Self::every(scene, 1, |_| ())
+        Self::of_parts(scene, OwnParts::default(), |_| ())
+    }
+
+    /// Runs a scene with custom parts and records it. `watch` is called after every tick with the number of ticks done.
+    ///
+    /// # Errors
+    /// If the scene cannot start, or a part does not fit it. A fault is part of the result.
+    pub fn of_parts(scene: &Scene, own: OwnParts, watch: impl FnMut(u64)) -> Result<Self, SceneError> {
+        Self::every(scene, own, 1, watch)
     }
 
     /// Returns the record of forces that another program rendered, one for each tick of `tick_s` seconds.
@@ -148,9 +156,10 @@ impl Record {
     }
 
     /// Runs a scene and records one in `ticks` ticks. The geometric and the massless scheme's force is that of a state and is recorded at
-    /// the end; the velocity scheme's is an impulse over a tick and is recorded as its mean. `watch` is called after every tick.
-    fn every(scene: &Scene, ticks: u32, mut watch: impl FnMut(u64)) -> Result<Self, SceneError> {
-        let simulation = Simulation::prepare(scene)?;
+    /// the end; the velocity scheme's is an impulse over a tick and is recorded as its mean. `watch` is called after every tick with the
+    /// number of ticks done.
+    fn every(scene: &Scene, own: OwnParts, ticks: u32, mut watch: impl FnMut(u64)) -> Result<Self, SceneError> {
+        let simulation = Simulation::prepare_with(scene, own)?;
         let rest = simulation.network().rest.clone();
         let mut record = Self {
             rendered: Vec::with_capacity((scene.tick_count() / u64::from(ticks)) as usize),
@@ -162,7 +171,7 @@ impl Record {
         };
         let mut impulse = Vec3::zeros();
         let end = simulation.run(|view| {
-            watch(view.tick);
+            watch(view.tick + 1);
             impulse += view.force;
             if (view.tick + 1) % u64::from(ticks) != 0 {
                 return;
@@ -305,8 +314,8 @@ impl Reference {
         let coarse = Self::scene(scene, touching);
         let fine = coarse.clone().with_local_rate_hz(coarse.local_rate_hz() * f64::from(REFINEMENT))?;
         let done = scene.tick_count();
-        let coarse = Record::every(&coarse, 1, |tick| watch(tick + 1))?;
-        let fine = Record::every(&fine, REFINEMENT, |tick| watch(done + tick + 1))?;
+        let coarse = Record::of_parts(&coarse, OwnParts::default(), &mut watch)?;
+        let fine = Record::every(&fine, OwnParts::default(), REFINEMENT, |ticks| watch(done + ticks))?;
         Ok(Self::between(touching, coarse, fine))
     }
 

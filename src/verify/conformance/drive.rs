@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use crate::Vec3;
 use crate::contact::law::Mode;
+use crate::contact::renderer::Renderer;
 use crate::model::mesh::Mesh;
 use crate::multirate::global::Moment;
 use crate::pipeline::{OwnParts, Simulation};
@@ -66,12 +67,17 @@ fn allocations() -> Option<u64> {
 }
 
 impl Drive {
-    /// Runs a scene over an arrangement of its body. Forces and tips are given in the scene's own axes.
+    /// Runs a scene over an arrangement of its body, with a custom renderer if one is given. Forces and tips are given in the scene's own axes.
     ///
     /// # Errors
     /// If the scene cannot start. A fault is part of the result.
-    pub fn of(scene: &Scene, arrangement: Arrangement) -> Result<Self, SceneError> {
-        let (scene, own) = arranged(scene, arrangement);
+    pub fn of(
+        scene: &Scene,
+        renderer: Option<Box<dyn Renderer>>,
+        arrangement: Arrangement,
+    ) -> Result<Self, SceneError> {
+        let (scene, mesh) = arranged(scene, arrangement);
+        let own = OwnParts { mesh, renderer, ..OwnParts::default() };
         let back = match arrangement {
             Arrangement::Turned => rotation().transpose(),
             Arrangement::AsIs | Arrangement::Renumbered => nalgebra::Matrix3::identity(),
@@ -113,11 +119,11 @@ impl Drive {
     }
 }
 
-fn arranged(scene: &Scene, arrangement: Arrangement) -> (Scene, OwnParts) {
-    let with = |mesh| OwnParts { mesh: Some(mesh), ..OwnParts::default() };
+/// Returns the scene with its body arranged, and the body's mesh if it is another than the scene's.
+fn arranged(scene: &Scene, arrangement: Arrangement) -> (Scene, Option<Mesh>) {
     let mut scene = scene.clone();
     match arrangement {
-        Arrangement::AsIs => (scene, OwnParts::default()),
+        Arrangement::AsIs => (scene, None),
         Arrangement::Turned => {
             let turn = rotation();
             let mut mesh = scene.mesh.mesh();
@@ -125,7 +131,7 @@ fn arranged(scene: &Scene, arrangement: Arrangement) -> (Scene, OwnParts) {
             mesh.nodes.iter_mut().for_each(|node| *node = turn * *node);
             scene.material.gravity = turn * scene.material.gravity;
             scene.path = scene.path.transformed(1.0, |position| turn * position);
-            (scene, with(mesh))
+            (scene, Some(mesh))
         }
         Arrangement::Renumbered => {
             let mesh = scene.mesh.mesh();
@@ -138,7 +144,7 @@ fn arranged(scene: &Scene, arrangement: Arrangement) -> (Scene, OwnParts) {
             };
             scene.material.node_mass.reverse();
             scene.fixed.reverse();
-            (scene, with(renumbered))
+            (scene, Some(renumbered))
         }
     }
 }

@@ -12,6 +12,7 @@ use serde::Serialize;
 
 use self::drive::{Arrangement, Drive};
 use self::motions::{Motion, Site};
+use crate::contact::renderer::Renderer;
 use crate::output::verdict::Verdict;
 use crate::scene::{Scene, SceneError};
 
@@ -93,10 +94,23 @@ impl Conformance {
     ///
     /// # Errors
     /// If the scene cannot start.
-    pub fn of(scene: &Scene, mut done: impl FnMut()) -> Result<Option<Self>, SceneError> {
+    pub fn of(scene: &Scene, done: impl FnMut()) -> Result<Option<Self>, SceneError> {
+        Self::of_renderer(scene, || None, done)
+    }
+
+    /// Examines a custom renderer over a scene's body, as [`of`](Self::of) does. `renderer` gives one for each run; `None`
+    /// stands for the scene's own.
+    ///
+    /// # Errors
+    /// If the scene cannot start, or the renderer does not take it.
+    pub fn of_renderer(
+        scene: &Scene,
+        renderer: impl Fn() -> Option<Box<dyn Renderer>>,
+        mut done: impl FnMut(),
+    ) -> Result<Option<Self>, SceneError> {
         let Some(site) = Site::of(scene)? else { return Ok(None) };
         let mut drive = |motion: Motion, arrangement| -> Result<Drive, SceneError> {
-            let drive = Drive::of(&motion.scene(scene, &site)?, arrangement)?;
+            let drive = Drive::of(&motion.scene(scene, &site)?, renderer(), arrangement)?;
             done();
             Ok(drive)
         };
@@ -112,7 +126,7 @@ impl Conformance {
         let dragged = Motion::SlowDrag.scene(scene, &site)?;
         let mut shorter = |factor: f64| -> Result<Drive, SceneError> {
             let rate_hz = dragged.local_rate_hz() * factor;
-            let drive = Drive::of(&dragged.clone().with_local_rate_hz(rate_hz)?, as_is)?;
+            let drive = Drive::of(&dragged.clone().with_local_rate_hz(rate_hz)?, renderer(), as_is)?;
             done();
             Ok(drive)
         };
@@ -131,7 +145,7 @@ impl Conformance {
             lift_off,
             teleport,
         };
-        let properties = properties::all(scene, &runs)?;
+        let properties = properties::all(scene, renderer(), &runs)?;
         Ok(Some(Self {
             version: env!("CARGO_PKG_VERSION"),
             scene: scene.name.clone(),

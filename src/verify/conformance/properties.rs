@@ -5,9 +5,10 @@ use super::motions::{HELD_S, JUMPS, LIFTED_S, Motion, PRESSED_S};
 use super::{PropertyFinding, Runs};
 use crate::Vec3;
 use crate::contact::law::{Law, Mode};
+use crate::contact::renderer::Renderer;
 use crate::multirate::failsafe::{Bounds, FailSafe};
 use crate::output::verdict::Verdict;
-use crate::pipeline::Simulation;
+use crate::pipeline::{OwnParts, Simulation};
 use crate::scene::{Scene, SceneError};
 use crate::verify::residual::{larger, largest};
 
@@ -38,7 +39,11 @@ const SLOWER: f64 = 2.0;
 const INTERVAL: usize = 200;
 
 /// Measures all properties.
-pub(super) fn all(scene: &Scene, runs: &Runs) -> Result<Vec<PropertyFinding>, SceneError> {
+pub(super) fn all(
+    scene: &Scene,
+    renderer: Option<Box<dyn Renderer>>,
+    runs: &Runs,
+) -> Result<Vec<PropertyFinding>, SceneError> {
     Ok(vec![
         free(scene, runs),
         cone(scene, runs),
@@ -52,7 +57,7 @@ pub(super) fn all(scene: &Scene, runs: &Runs) -> Result<Vec<PropertyFinding>, Sc
         edges(runs),
         hand_over(runs),
         teleport(runs),
-        nan(scene, runs)?,
+        nan(scene, renderer, runs)?,
         allocation(runs),
         slowdown(runs),
     ])
@@ -376,9 +381,9 @@ fn teleport(runs: &Runs) -> PropertyFinding {
     )
 }
 
-fn nan(scene: &Scene, runs: &Runs) -> Result<PropertyFinding, SceneError> {
+fn nan(scene: &Scene, renderer: Option<Box<dyn Renderer>>, runs: &Runs) -> Result<PropertyFinding, SceneError> {
     let pressed = Motion::Press.scene(scene, &runs.site)?;
-    let simulation = Simulation::prepare(&pressed)?;
+    let simulation = Simulation::prepare_with(&pressed, OwnParts { renderer, ..OwnParts::default() })?;
     let mut fail_safe = FailSafe::new(Bounds::new(&simulation.network().rest, scene.largest_contact_force_n()));
     let mut servo = simulation.into_sides().servo;
     // To the end of the first cycle, in which the first model is in use.

@@ -1,5 +1,6 @@
 //! Force traces of other programs: CSV with a time and a force in each row.
 
+use std::io;
 use std::path::Path;
 
 use miette::Diagnostic;
@@ -141,8 +142,15 @@ impl ForceTrace {
     /// ascend; the error names the line.
     pub fn read(path: &Path, format: &TraceFormat) -> Result<Self, TraceError> {
         let unreadable = |error| PathError::Unreadable { path: path.to_owned(), error };
-        let file = std::fs::File::open(path).map_err(unreadable)?;
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
+        Self::parse(std::fs::File::open(path).map_err(unreadable)?, format)
+    }
+
+    /// Reads a trace from the text of such a file.
+    ///
+    /// # Errors
+    /// Those of [`read`](Self::read).
+    pub fn parse(text: impl io::Read, format: &TraceFormat) -> Result<Self, TraceError> {
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text);
         let header = reader.headers().map_err(PathError::from)?.clone();
         let names = format.columns.each_ref().map(String::as_str);
         let columns = find_columns(&header, names)?;

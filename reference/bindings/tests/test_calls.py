@@ -1,0 +1,64 @@
+"""Long calls: other threads go on, progress is reported, and Ctrl-C ends them."""
+
+import os
+import signal
+import threading
+import time
+
+import pytest
+import stickslip
+
+#: An hour of simulated time; no test waits for its end.
+LONG = stickslip.Scene.shipped("fig3-sliding").with_keys(duration=3600.0)
+
+
+class Enough(Exception):
+    """Ends a call from its progress."""
+
+
+def test_other_threads_go_on_and_progress_may_end_a_run():
+    begin, amounts, counts = time.monotonic(), [], 0
+    over = threading.Event()
+
+    def count():
+        nonlocal counts
+        while not over.wait(0.001):
+            counts += 1
+
+    def progress(done, total):
+        amounts.append((done, total))
+        if time.monotonic() > begin + 0.5:
+            raise Enough
+
+    thread = threading.Thread(target=count)
+    thread.start()
+    with pytest.raises(Enough):
+        stickslip.run(LONG, progress=progress)
+    counted = counts
+    over.set()
+    thread.join()
+    # With the lock held it would have counted at most once per report of progress.
+    assert counted > 3 * len(amounts) > 0
+    assert amounts == sorted(amounts) and amounts[0][1] == LONG.tick_count
+
+
+@pytest.mark.parametrize("renderer", [None, "python"])
+def test_ctrl_c_ends_a_run(renderer, penalty):
+    signal_once = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
+    begin = time.monotonic()
+    signal_once.start()
+    with pytest.raises(KeyboardInterrupt):
+        stickslip.run(LONG, renderer=renderer and penalty)
+    assert time.monotonic() < begin + 5.0
+
+
+def test_progress_bars(capsys):
+    scene = LONG.with_keys(duration=0.05)
+    stickslip.run(scene, progress=False)
+    stickslip.run(scene)
+    assert capsys.readouterr().err == "", "standard error is no terminal"
+    stickslip.run(scene, progress=True)
+    assert "fig3-sliding" in capsys.readouterr().err
+    done = []
+    stickslip.run(scene, progress=lambda *amounts: done.append(amounts))
+    assert done[-1] == (50, 50)
