@@ -68,7 +68,9 @@ fn generated() -> String {
     Builder::new().with_config(config).with_src(interface).generate().expect("C").write(&mut header);
     let header = String::from_utf8(header).expect("text");
     // Rust has no array arguments. With their length, a compiler can check definitions against the declaration.
-    header.replace("const double *before,", "const double before[3],").replace("const double *tip,", "const double tip[3],")
+    header
+        .replace("const double *before,", "const double before[3],")
+        .replace("const double *tip,", "const double tip[3],")
 }
 
 #[test]
