@@ -1,12 +1,7 @@
 //! Renderers, instruments and contact laws from outside: they keep their contracts, and the built-in parts give the
 //! same results through the public traits.
 
-use std::any::Any;
-
-use stickslip::contact::rules::ContactRules;
-use stickslip::contact::simulation::LocalSimulation;
-use stickslip::local::model::{LocalModel, LocalModelBuilder, LocalSettings, LocalState};
-use stickslip::model::state::State;
+use stickslip::contact::local_renderer::LocalRenderer;
 use stickslip::multirate::failsafe::FaultCause;
 use stickslip::surface::geometry::ContactPoint;
 use stickslip::{
@@ -15,61 +10,6 @@ use stickslip::{
 };
 
 use crate::check::{Worst, shipped};
-
-/// The paper's local model, as a renderer from outside.
-#[derive(Debug, Clone)]
-struct Ours {
-    rules: ContactRules,
-    settings: LocalSettings,
-    tick_s: f64,
-}
-
-#[derive(Debug, Clone)]
-struct OursModel {
-    local: LocalSimulation,
-    next: Option<(LocalModel, LocalState)>,
-    tip: Vec3,
-}
-
-impl Renderer for Ours {
-    fn build(&mut self, body: Body<'_>, state: BodyState<'_>) -> Result<Box<dyn RendererModel>, RendererFault> {
-        let network = State { x: state.x.to_vec(), v: state.v.to_vec() };
-        let contact = state.last.contact.map(|(point, _)| point);
-        let around = contact.map_or(state.tip, |point| {
-            body.surface.node_weights(&point).map(|(node, weight)| state.x[node] * weight).sum()
-        });
-        let mut builder = LocalModelBuilder::new(body.network, body.surface.clone(), self.settings);
-        let (model, local_state) = builder
-            .build(body.network, &network, around, contact.map(|point| point.triangle))
-            .map_err(|_| RendererFault("no model"))?;
-        let next = Some((model.clone(), local_state.clone()));
-        let local = LocalSimulation::new(self.rules, self.tick_s, body.surface.clone(), model, local_state);
-        Ok(Box::new(OursModel { local, next, tip: state.tip }))
-    }
-}
-
-impl RendererModel for OursModel {
-    fn take_over(&mut self, old: Option<&mut dyn RendererModel>) {
-        let Some(old) = old else { return };
-        let old = (old as &mut dyn Any).downcast_mut::<Self>().expect("all models are of one kind");
-        self.local = old.local.clone();
-        if let Some((model, state)) = self.next.take() {
-            self.local.hand_over(model, state, 0, old.tip);
-        }
-    }
-
-    fn tick(&mut self, before: Vec3, tip: Vec3) -> Result<Rendered, RendererFault> {
-        self.tip = tip;
-        let report = self.local.tick(before, tip);
-        let contact = report.touch.map(|touch| (touch.point, touch.normal));
-        Ok(Rendered { force: report.force, mode: report.mode, contact })
-    }
-
-    fn moved(&self) -> Option<MovedNodes<'_>> {
-        let (nodes, state) = (&self.local.model().patch.nodes, self.local.state());
-        Some(MovedNodes { nodes, x: &state.x[..nodes.len()], v: &state.v[..nodes.len()] })
-    }
-}
 
 fn forces(simulation: Simulation) -> Vec<Vec3> {
     let mut forces = Vec::new();
@@ -86,7 +26,7 @@ fn with_renderer(renderer: impl Renderer + 'static) -> OwnParts {
 fn the_built_in_local_model_through_the_seam_gives_the_same_bits() {
     for name in ["fig3-sliding", "fig5-stick-slip", "fig5-stick-slip-subdivision"] {
         let scene = shipped(name);
-        let ours = Ours { rules: scene.contact, settings: scene.local(), tick_s: 1e-3 };
+        let ours = LocalRenderer::new(scene.contact, scene.local(), scene.integrator);
         let through = Simulation::prepare_with(&scene, with_renderer(ours)).expect("it starts outside");
         assert_eq!(forces(through), forces(Simulation::prepare(&scene).expect("it starts outside")), "{name}");
     }
@@ -247,7 +187,7 @@ fn a_renderer_without_a_cycle_is_refused() {
 #[test]
 fn copies_of_a_run_go_on_alike() {
     let scene = shipped("fig5-stick-slip");
-    let ours = Ours { rules: scene.contact, settings: scene.local(), tick_s: 1e-3 };
+    let ours = LocalRenderer::new(scene.contact, scene.local(), scene.integrator);
     let mut run = Lockstep::new(Simulation::prepare_with(&scene, with_renderer(ours)).expect("it starts outside"));
     for _ in 0..250 {
         run.step().expect("no fault");

@@ -231,3 +231,30 @@ fn conformance_names_every_deliberate_fault() {
         assert!(names.contains(property), "{fault}: {names:?}");
     }
 }
+
+/// The stability of a renderer is judged by its forces alone: under the modelled device in a hand, and after jumps. The
+/// model that is not a number after a jump fails by it.
+#[test]
+fn stability_of_a_renderer_is_that_of_its_forces() {
+    let folder = Folder::new("renderer-stability");
+    // Light nodes: the local model's own steps stay within their limit at a few times the stiffness.
+    let scene = folder.write("small.toml", SMALL).display().to_string();
+    let (out, library) = (folder.path("out").display().to_string(), paper_model().display().to_string());
+    let run = |options: &str| {
+        let options = ["--renderer", &library, "--renderer-options", options];
+        let done = stickslip(&[&["stability", &scene, "--out", &out][..], &options].concat());
+        let text =
+            std::fs::read_to_string(folder.path("out/stability.json")).unwrap_or_else(|_| panic!("{}", stderr(&done)));
+        (done.status.code(), serde_json::from_str::<serde_json::Value>(&text).expect("JSON"))
+    };
+    let (_, sound) = run("");
+    let list = |file: &serde_json::Value, name: &str| file[name].as_array().expect("a list").clone();
+    assert_eq!((list(&sound, "z_width").len(), list(&sound, "jumps").len()), (7, 4));
+    // A stiffer body pushes more.
+    let force = |i: usize| list(&sound, "z_width")[i]["force_n"].as_f64().expect("a force");
+    assert!(force(0) > 0.01 && force(1) > force(0), "{} N, {} N", force(0), force(1));
+    assert!(list(&sound, "jumps").iter().all(|jump| jump["fault"].is_null()), "{sound}");
+    let (code, faulty) = run("fault=nan-on-teleport");
+    assert_eq!((code, faulty["verdict"].as_str()), (Some(1), Some("FAIL")));
+    assert!(list(&faulty, "jumps").iter().any(|jump| jump["fault"].is_string()), "{faulty}");
+}

@@ -1,5 +1,6 @@
 //! `stickslip stability`: stability-limit time steps and virtual walls, measured and predicted, and extreme scenes.
 
+mod renderer;
 mod z_width;
 
 use std::path::{Path, PathBuf};
@@ -88,6 +89,9 @@ pub fn stability(
     Simulation::prepare(&scene)?;
     let folder = folder(out, &scene, &["stability.json", "index.html"])?;
     let out = folder.path();
+    if scene.renderer().is_some() {
+        return renderer::stability(&scene, &folder).map(exit_code);
+    }
     let file = look(&scene, Coverage::All)?;
     write_json(&out.join("stability.json"), &file)?;
     let page = page::page(&format!("stickslip: stability of {}", scene.name), &section(&file)?);
@@ -106,11 +110,15 @@ pub fn stability(
     say(z_width::table(&file.z_width))?;
     say(format_args!("{}: {}", file.verdict.name(), file.reasons.join("; ")))?;
     say(format_args!("report: {}", out.join("index.html").display()))?;
-    Ok(match file.verdict {
+    Ok(exit_code(file.verdict))
+}
+
+fn exit_code(verdict: Verdict) -> u8 {
+    match verdict {
         Verdict::Fail => FAIL,
         Verdict::Inconclusive => INCONCLUSIVE,
         Verdict::Pass => PASS,
-    })
+    }
 }
 
 /// Builds the report's section on a scene's stability.

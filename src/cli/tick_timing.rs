@@ -38,11 +38,15 @@ pub struct TimedTick {
 }
 
 /// Times the ticks that a session marks, and from its first pass one of every kind that may take long: contact onset,
-/// crossing of an edge, hand-over of a model, rest after a long decay. A tick with several reasons is timed once.
+/// crossing of an edge, hand-over of a model, rest after a long decay. A tick with several reasons is timed once. Repeating a
+/// tick takes copies of it, which a renderer in a library does not have: then nothing is timed.
 ///
 /// # Errors
 /// If the scene cannot start.
 pub fn time_ticks(session: &Session, scene: &Scene) -> Result<Vec<TimedTick>, SceneError> {
+    if scene.renderer().is_some() {
+        return Ok(Vec::new());
+    }
     let mut timed = Vec::new();
     let mut cache = vec![0_u64; EVICTING];
     for (number, pass) in session.passes.iter().enumerate() {

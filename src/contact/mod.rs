@@ -5,6 +5,7 @@ pub mod collision;
 pub mod impedance;
 pub mod law;
 pub mod literal;
+pub mod local_renderer;
 pub mod massless;
 pub mod nearest;
 pub mod renderer;

@@ -55,6 +55,14 @@ impl PerSpring {
         }
     }
 
+    /// Returns the values times a factor.
+    pub fn scaled(self, factor: f64) -> Self {
+        match self {
+            PerSpring::Same(value) => PerSpring::Same(value * factor),
+            PerSpring::Each(values) => PerSpring::Each(values.into_iter().map(|value| value * factor).collect()),
+        }
+    }
+
     /// Returns the smallest and the largest value.
     pub fn range(&self) -> [f64; 2] {
         match self {

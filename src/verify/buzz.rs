@@ -74,17 +74,19 @@ pub fn stiffest_clean_n_per_m(settings: &PhantomSettings, rate: f64) -> Result<O
 }
 
 /// Two first-order high-pass filters in series.
-struct HighPass {
+pub(super) struct HighPass {
     share: f64,
     slow: [Vec3; 2],
 }
 
 impl HighPass {
-    fn new(tick: f64, start: Vec3) -> Self {
+    /// Starts at rest at a position, m, with ticks of this length, s.
+    pub fn new(tick: f64, start: Vec3) -> Self {
         Self { share: -(-std::f64::consts::TAU * BUZZ_HZ * tick).exp_m1(), slow: [start, Vec3::zeros()] }
     }
 
-    fn next(&mut self, value: Vec3) -> Vec3 {
+    /// Returns the fast part of the next position.
+    pub fn next(&mut self, value: Vec3) -> Vec3 {
         self.slow.iter_mut().fold(value, |value, slow| {
             *slow += (value - *slow) * self.share;
             value - *slow

@@ -18,6 +18,7 @@ pub mod lateness;
 pub mod orders;
 pub mod paired;
 pub mod path_stability;
+pub mod rendered;
 pub mod residual;
 pub mod results;
 pub mod short_reference;

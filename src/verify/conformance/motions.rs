@@ -86,6 +86,11 @@ impl Site {
         (tip - self.point).dot(&self.normal)
     }
 
+    /// Returns the place this far above the surface at the site, m.
+    pub fn above(&self, height_m: f64) -> Vec3 {
+        self.point + self.normal * height_m
+    }
+
     /// Returns the place so many depths above the surface and so many lengths along it.
     fn at(&self, [time, depths, lengths]: [f64; 3]) -> Waypoint {
         let position = self.point + self.normal * (self.depth_m * depths) + self.along * (self.length_m * lengths);
