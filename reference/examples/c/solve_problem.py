@@ -5,7 +5,7 @@
 
 It needs numpy. The renderer (stickslip_renderer.h) computes the forces; this program is the global side. It moves the whole network by
 semi-implicit Euler with the step of a tick, takes over the nodes that the renderer reports through `moved`, and hands it a new model at
-the begin of every cycle. It reads `network.json`, `tip.csv` and `problem.json`, and nothing of the testbed.
+the beginning of every cycle. It reads `network.json`, `tip.csv` and `problem.json`, and nothing of the testbed.
 """
 
 import argparse
@@ -69,11 +69,13 @@ class Network:
     """Masses, springs and dampers in free motion. The problems have neither gravity nor drag."""
 
     def __init__(self, file):
-        column = lambda values, kind: np.ascontiguousarray(values, kind)
+        def column(values, kind):
+            return np.ascontiguousarray(values, kind)
+
         i, j, k, c, length = zip(*file["springs"])
         self.rest, self.mass = column(file["nodes"], "f8"), column(file["mass"], "f8")
         self.fixed, self.triangles = column(file["fixed"], "u1"), column(file["triangles"], "u4")
-        self.ends, self.k, self.c, self.length = column([i, j], "u4").T.copy(), column(k, "f8"), column(c, "f8"), column(length, "f8")
+        self.ends, self.k, self.c, self.length = column(list(zip(i, j)), "u4"), column(k, "f8"), column(c, "f8"), column(length, "f8")
         self.inverse_mass = np.where(self.fixed, 0.0, 1.0 / self.mass)[:, None]
         self.x, self.v = self.rest.copy(), np.zeros_like(self.rest)
 
@@ -160,7 +162,7 @@ def solve(network, tip, renderer, ticks_per_cycle, h):
                 triangle=output.triangle, weights=output.weights, normal=output.normal,
             ))
         moved, x, v = renderer.tick(before, after, output)
-        # Their neighbours are pulled from where they stood at the begin of the tick.
+        # During the step they still stand where they were at the beginning of the tick.
         network.step(h)
         network.x[moved], network.v[moved] = x, v
         yield [*output.force], MODES[output.mode]
@@ -175,8 +177,8 @@ def main():
     parser.add_argument("--options", default="", help='text for the renderer, such as "rings=2"')
     parser.add_argument("--facets", action="store_true", help="touch the flat triangles, whatever surface the problem asks for")
     arguments = parser.parse_args()
-    read = lambda name: json.loads((arguments.problem / name).read_text())
-    problem, network = read("problem.json"), Network(read("network.json"))
+    problem = json.loads((arguments.problem / "problem.json").read_text())
+    network = Network(json.loads((arguments.problem / "network.json").read_text()))
     contact, rate = problem["contact"], problem["rate_hz"]
     if not (arguments.rate > 0.0 and rate % arguments.rate == 0.0):
         parser.error(f"the {rate:g} ticks per second are not divisible by {arguments.rate:g} cycles per second")
