@@ -147,7 +147,7 @@ fn bad_traces_are_refused_with_their_line() {
     let message = |text: &str| read(text, &TraceFormat::default()).expect_err(text).to_string();
     for (text, expected) in [
         ("t,fx,fy\n0,1,2\n", "there is no column `fz` in its header `t,fx,fy`"),
-        ("t,fx,fy,fz\n0,0,0,1\n0.1,0,x,1\n", "line 3: `x` is not a number"),
+        ("t,fx,fy,fz\n0,0,0,1\n0.1,0,x,1\n", "line 3: `x` is not a finite number"),
         ("t,fx,fy,fz\n0,0,0,1\n0.1,0,NaN,1\n", "line 3: `fy` is NaN, not a finite number"),
         ("fz,t,fx,fy\n0,0,0,1\ninf,0.1,0,1\n", "line 3: `fz` is inf, not a finite number"),
         (
