@@ -1,6 +1,7 @@
 """Long calls: other threads go on, progress is reported, and Ctrl-C ends them."""
 
 import os
+import signal
 import subprocess
 import threading
 import time
@@ -42,8 +43,16 @@ def test_other_threads_go_on_and_progress_may_end_a_run():
     assert amounts == sorted(amounts) and amounts[0][1] == LONG.tick_count
 
 
+@pytest.fixture
+def interruptible():
+    # A shell's background jobs begin with the signal ignored.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.mark.parametrize("renderer", [None, "python"])
-def test_ctrl_c_ends_a_run(renderer, penalty):
+def test_ctrl_c_ends_a_run(renderer, penalty, interruptible):
     # From another process: a thread of this one would need the interpreter's lock.
     with subprocess.Popen(["sh", "-c", f"sleep 0.3; kill -INT {os.getpid()}"]):
         with pytest.raises(KeyboardInterrupt):
