@@ -69,8 +69,8 @@ fn a_log_without_misses_passes_and_a_short_one_decides_nothing() {
 fn bad_logs_are_refused_with_their_line() {
     let head = "release_ns,start_ns,end_ns\n";
     for (rows, expected) in [
-        ("0,1,2\n1000,1x,1200\n", "line 3: `1x` is not a finite number"),
-        ("0,1,2\n1000,1001,1.2e3\n", "line 3: `1.2e3` is not a finite number"),
+        ("0,1,2\n1000,1x,1200\n", "line 3: `1x` is not a whole number"),
+        ("0,1,2\n1000,1001,1.2e3\n", "line 3: `1.2e3` is not a whole number"),
         ("0,1,2\n1000,999,1200\n", "line 3: start and release: 999 ns is not at or after 1000 ns"),
         ("0,1,2\n1000,1001,1000\n", "line 3: end and start: 1000 ns is not at or after 1001 ns"),
         ("5,6,7\n5,6,7\n", "line 3: the release and that of the row before: 5 ns is not after 5 ns"),

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 #[cfg(all(feature = "realtime", target_os = "linux", target_env = "gnu"))]
 mod malloc;
 
-/// The same in Rust alone, where there is no glibc.
+/// Without glibc, a certificate states how often the servo thread allocated in Rust alone.
 #[cfg(all(feature = "realtime", target_os = "linux", not(target_env = "gnu")))]
 #[global_allocator]
 static ALLOCATOR: stickslip::realtime::allocations::Counting = stickslip::realtime::allocations::Counting;

@@ -10,7 +10,7 @@ use super::page::{self, Row};
 use super::progress::Progress;
 use super::renderer::RendererArguments;
 use super::terminal::{hand_out, say, significant};
-use super::{Changes, FAIL, INCONCLUSIVE, PASS, folder, load};
+use super::{Changes, exit_code, folder, load, never_touches};
 use crate::output::files::{write_file, write_json};
 use crate::output::verdict::Verdict;
 use crate::verify::conformance::{Conformance, PropertyFinding, RUNS};
@@ -40,13 +40,7 @@ pub fn conform(arguments: &ConformArguments) -> miette::Result<u8> {
     progress.begin(&scene.name);
     let conformance = Conformance::of(&scene, || progress.end(1))?;
     drop(progress);
-    let conformance = conformance.ok_or_else(|| {
-        miette::miette!(
-            help = "give a scene whose path touches the body: `stickslip explain` warns of one that does not",
-            "the path of {} never touches the body, so there is no place to press",
-            scene.name
-        )
-    })?;
+    let conformance = conformance.ok_or_else(|| never_touches(&scene))?;
     write_json(&out.join("conformance.json"), &conformance)?;
     let title = format!("stickslip: conformance over {}", conformance.scene);
     write_file(&out.join("index.html"), page::page(&title, &section(&conformance)).into_string().as_bytes())?;
@@ -57,11 +51,7 @@ pub fn conform(arguments: &ConformArguments) -> miette::Result<u8> {
     }
     say(verdict(&conformance))?;
     say(format_args!("report: {}", out.join("index.html").display()))?;
-    Ok(match conformance.verdict {
-        Verdict::Fail => FAIL,
-        Verdict::Inconclusive => INCONCLUSIVE,
-        Verdict::Pass => PASS,
-    })
+    Ok(exit_code(conformance.verdict))
 }
 
 /// Returns the verdicts for continuous integration.

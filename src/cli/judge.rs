@@ -10,10 +10,9 @@ use super::junit::{JunitArguments, JunitCase, JunitSuite};
 use super::progress::Progress;
 use super::renderer::RendererArguments;
 use super::terminal::{hand_out, say, significant};
-use super::{Changes, FAIL, INCONCLUSIVE, PASS, folder, load};
+use super::{Changes, exit_code, folder, load};
 use crate::output::files::write_json;
 use crate::output::folder::sha256;
-use crate::output::verdict::Verdict;
 use crate::verify::accuracy::REFINEMENT;
 use crate::verify::judge::{ForceTrace, Judgement, TraceFormat, reference};
 
@@ -125,11 +124,7 @@ pub fn judge(arguments: &JudgeArguments) -> miette::Result<u8> {
     say(format_args!("{}: {}", judgement.verdict.name(), judgement.sentence))?;
     say(table(&judgement))?;
     say(format_args!("judgement: {}", written.display()))?;
-    Ok(match judgement.verdict {
-        Verdict::Pass => PASS,
-        Verdict::Fail => FAIL,
-        Verdict::Inconclusive => INCONCLUSIVE,
-    })
+    Ok(exit_code(judgement.verdict))
 }
 
 /// Builds the table of the errors.

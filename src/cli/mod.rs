@@ -41,6 +41,7 @@ use self::report::ReportArguments;
 use self::terminal::{Asked, complain, say};
 use crate::output::files::{RunFilesError, WriteError};
 use crate::output::folder::ResultFolder;
+use crate::output::verdict::Verdict;
 use crate::scene::{Change, Expectation, SHIPPED, Scene, SceneError, Warning};
 use crate::verify::accept::AcceptError;
 
@@ -249,6 +250,24 @@ fn after_help() -> String {
          ended a run, or no local model is within the budget; 2 usage, scene or file error; 3 a verdict is \
          INCONCLUSIVE.",
         names.join("\n")
+    )
+}
+
+/// Returns the exit code of a verdict.
+fn exit_code(verdict: Verdict) -> u8 {
+    match verdict {
+        Verdict::Pass => PASS,
+        Verdict::Fail => FAIL,
+        Verdict::Inconclusive => INCONCLUSIVE,
+    }
+}
+
+/// Returns the error of a scene that has no place to press, since its path never touches the body.
+fn never_touches(scene: &Scene) -> Report {
+    miette::miette!(
+        help = "give a scene whose path touches the body: `stickslip explain` warns of one that does not",
+        "the path of {} never touches the body, so there is no place to press",
+        scene.name
     )
 }
 

@@ -11,7 +11,7 @@ th, td { padding: .3rem .7rem; border-bottom: 1px solid #8886; text-align: right
 td { white-space: nowrap; }
 th:nth-child(-n+2), td:nth-child(-n+2) { text-align: left; }
 .methods :is(th, td):nth-child(3) { text-align: left; }
-.words td { white-space: normal; text-align: left; }
+.words :is(th, td) { white-space: normal; text-align: left; }
 .unexpected { color: #c22; font-weight: bold; }
 .diverged { color: #c22; }
 .unresolved, .overrun { opacity: .7; }

@@ -9,7 +9,7 @@ use clap::Args;
 use super::progress::Progress;
 use super::renderer::RendererArguments;
 use super::terminal::{complain, hand_out, say};
-use super::{Changes, FAIL, INCONCLUSIVE, PASS, read, table, warn};
+use super::{Changes, FAIL, exit_code, read, table, warn};
 use crate::local::model::Linearization;
 use crate::model::springs::TangentKind;
 use crate::multirate::failsafe::FaultCause;
@@ -71,12 +71,7 @@ pub fn run(arguments: &RunArguments) -> miette::Result<u8> {
         Some(FaultCause::PatchFolded { .. }) => complain(FOLDED_ADVICE),
         _ => {}
     }
-    Ok(match verdict.verdict {
-        Verdict::Fail => FAIL,
-        _ if !is_same => FAIL,
-        Verdict::Inconclusive => INCONCLUSIVE,
-        Verdict::Pass => PASS,
-    })
+    Ok(if is_same { exit_code(verdict.verdict) } else { FAIL })
 }
 
 /// Returns advice on a run that diverged: the remedies that the scene does not use yet.

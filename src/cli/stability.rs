@@ -18,7 +18,7 @@ use super::page::{self, Row};
 use super::progress::Progress;
 use super::renderer::RendererArguments;
 use super::terminal::{hand_out, say, significant};
-use super::{Changes, FAIL, INCONCLUSIVE, PASS, folder, load};
+use super::{Changes, exit_code, folder, load};
 use crate::output::files::{write_file, write_json};
 use crate::output::verdict::Verdict;
 use crate::pipeline::Simulation;
@@ -111,14 +111,6 @@ pub fn stability(
     say(format_args!("{}: {}", file.verdict.name(), file.reasons.join("; ")))?;
     say(format_args!("report: {}", out.join("index.html").display()))?;
     Ok(exit_code(file.verdict))
-}
-
-fn exit_code(verdict: Verdict) -> u8 {
-    match verdict {
-        Verdict::Fail => FAIL,
-        Verdict::Inconclusive => INCONCLUSIVE,
-        Verdict::Pass => PASS,
-    }
 }
 
 /// Builds the report's section on a scene's stability.

@@ -45,7 +45,7 @@ impl Reference {
         rows(py, &self.inner.coarse)
     }
 
-    /// The same by ticks of an eighth.
+    /// Rows of the reference whose ticks are an eighth as long.
     #[getter]
     fn fine_rows<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
         rows(py, &self.inner.fine)

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use miette::miette;
 use serde::Serialize;
 
-use super::{exit_code, page};
+use super::page;
+use crate::cli::exit_code;
 use crate::cli::junit::{JunitArguments, JunitCase, JunitSuite};
 use crate::cli::terminal::{hand_out, say, significant};
 use crate::output::files::{write_file, write_json};

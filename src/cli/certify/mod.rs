@@ -16,7 +16,7 @@ use super::progress::Progress;
 use super::renderer::RendererArguments;
 use super::terminal::{complain, hand_out, say, significant};
 use super::tick_timing::{TimedTick, time_ticks};
-use super::{Changes, FAIL, INCONCLUSIVE, PASS, folder, interrupt, load};
+use super::{Changes, exit_code, folder, interrupt, load};
 use crate::multirate::global::Moment;
 use crate::multirate::timeline::OverrunPolicy;
 use crate::output::files::{write_file, write_json};
@@ -96,14 +96,6 @@ pub fn certify(arguments: &CertifyArguments) -> miette::Result<u8> {
     say(page::words(&certificate))?;
     say(format_args!("certificate: {}", out.join("certificate.md").display()))?;
     Ok(exit_code(certificate.verdict()))
-}
-
-fn exit_code(verdict: Verdict) -> u8 {
-    match verdict {
-        Verdict::Pass => PASS,
-        Verdict::Fail => FAIL,
-        Verdict::Inconclusive => INCONCLUSIVE,
-    }
 }
 
 /// Returns the verdicts on the parts of a certificate.

@@ -3,6 +3,7 @@
 use maud::{Markup, html};
 use serde::Serialize;
 
+use super::super::never_touches;
 use super::super::page::{self, Row};
 use super::super::progress::Progress;
 use super::super::terminal::{hand_out, say, significant};
@@ -29,13 +30,7 @@ pub fn stability(scene: &Scene, folder: &ResultFolder) -> miette::Result<Verdict
     progress.begin(&scene.name);
     let stability = RenderedStability::of(scene, || progress.end(1))?;
     drop(progress);
-    let stability = stability.ok_or_else(|| {
-        miette::miette!(
-            help = "give a scene whose path touches the body: `stickslip explain` warns of one that does not",
-            "the path of {} never touches the body, so there is no place to press",
-            scene.name
-        )
-    })?;
+    let stability = stability.ok_or_else(|| never_touches(scene))?;
     let renderer = scene.renderer().map_or(String::new(), |library| library.path().display().to_string());
     let (verdict, out) = (stability.verdict, folder.path());
     let passes = verdict == Verdict::Pass;

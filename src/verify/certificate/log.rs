@@ -28,12 +28,21 @@ const PAUSE_PERIODS: u64 = 1_000_000;
 #[derive(Debug, Error, Diagnostic)]
 #[non_exhaustive]
 pub enum LogError {
-    /// The file cannot be read, has no such column, or has anything but whole numbers in it.
+    /// The file cannot be read, or has no such column.
     #[error(transparent)]
     #[diagnostic(help(
         "give a CSV file with the header `release_ns,start_ns,end_ns` and whole numbers, in ns of one clock"
     ))]
     Table(#[from] PathError),
+    /// A time is no whole number.
+    #[error("line {line}: `{text}` is not a whole number")]
+    #[diagnostic(help("give all times in ns, without a decimal point or an exponent"))]
+    NotWhole {
+        /// Line of the file, from 1.
+        line: u64,
+        /// What stands in place of the time.
+        text: String,
+    },
     /// A time is before one that it cannot precede.
     #[error("line {line}: {what}: {time} ns is not {than} {other} ns")]
     #[diagnostic(help("sort the rows by `release_ns`, and take all three times from one clock"))]
@@ -108,7 +117,13 @@ impl LoopLog {
         let mut ticks: Vec<LoggedTick> = Vec::new();
         for row in reader.records() {
             let row = row.map_err(PathError::from)?;
-            let [release, start, end] = columns.map(|column| number::<i64>(&row, column));
+            let whole = |column| {
+                number::<i64>(&row, column).map_err(|error| match error {
+                    PathError::NotANumber { line, text } => LogError::NotWhole { line, text },
+                    other => other.into(),
+                })
+            };
+            let [release, start, end] = columns.map(whole);
             let (release, start, end) = (release?, start?, end?);
             let order = |what, time, than, other| LogError::Order { line: line(&row), what, time, than, other };
             if let Some(before) = ticks.last().filter(|before| release <= before.release) {

@@ -182,7 +182,7 @@ pub struct Compared<'a> {
     pub interpolated: usize,
     /// Ticks of the trace.
     pub own: &'a [Sample],
-    /// The same ticks of the reference.
+    /// Those ticks of the reference.
     pub reference: &'a [Sample],
     /// Relative force error.
     pub error: f64,

@@ -82,7 +82,7 @@ pub struct Judgement {
     pub force_rms_n: f64,
     /// Root mean square of the force error over that of the reference's force.
     pub force_error_rms_rel: f64,
-    /// The same against the fine reference.
+    /// Root mean square of the force error against the fine reference, over that of its force.
     pub force_error_rms_rel_fine: f64,
     /// Largest force error, N.
     pub force_error_max_n: f64,
@@ -94,7 +94,7 @@ pub struct Judgement {
     pub force_error_per_100_ms: Vec<WindowError>,
     /// 1 − difference in the shares of contact modes, mean over windows of 50 ms; absent without a column `mode`.
     pub mode_agreement: Option<f64>,
-    /// The same in the worst window.
+    /// Agreement of the contact modes in the worst window; absent without a column `mode`.
     pub mode_agreement_worst: Option<f64>,
     /// Delay of the onset of slip, s; absent without a column `mode`, or if slip does not set in in both.
     pub slip_onset_error_s: Option<f64>,

@@ -11,7 +11,7 @@ use crate::device::path::Interpolation;
 pub enum Motion {
     /// Minimum jerk from each of these points [t, x, y, z] to the next, in s and m.
     Through(&'static [[f64; 4]]),
-    /// The same, with a tremor of three incommensurable frequencies, one for each axis, that grows after `from_s` and fades
+    /// Minimum jerk between points, with a tremor of three incommensurable frequencies, one for each axis, that grows after `from_s` and fades
     /// before `to_s`.
     Tremor {
         /// Points of the motion below the tremor.

@@ -8,7 +8,7 @@ use crate::scene::LawName;
 pub enum Body {
     /// The block of the shipped scenes: 9 × 9 × 4 nodes, 12.5 mm apart.
     Block,
-    /// The same block in cells of half the size, with the same material.
+    /// The shipped scenes' block in cells of half the size, with their material.
     FineBlock,
     /// A liver-like body of tetrahedra, about 500 nodes.
     Liver,
