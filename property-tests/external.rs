@@ -108,6 +108,27 @@ fn a_renderer_runs_in_real_time_and_is_done_again() {
     assert!(largest > 0.01, "{largest} N");
 }
 
+/// A renderer that reports no nodes pushes the network at its contact point, in real time as in virtual time.
+#[test]
+fn a_renderer_without_nodes_pushes_the_network_in_real_time() {
+    let source = ["property-tests/external/misbehaving.c"];
+    let pushing = library("pushing", &source, &["-DWITHOUT_MOVED"]);
+    let scene = Scene::parse(SMALL, "small.toml".as_ref()).expect("a scene");
+    let scene = scene.with_renderer(RendererLibrary::new(pushing).with_options("push"));
+    let recorded = record(&scene, &AtomicBool::new(false)).expect("it runs");
+    let pass = &recorded.session.passes[0];
+    assert_eq!((pass.ticks, pass.fault.as_deref(), recorded.summary.window.lost_notes), (400, None, 0));
+    let mut largest_m = 0.0_f64;
+    let simulation = recorded.session.prepare(&scene, pass).expect("it starts");
+    let rest = simulation.network().rest.clone();
+    let outcome = replay(simulation, pass, |view| {
+        let moved = view.network_state.x.iter().zip(&rest).map(|(x, rest)| (x - rest).norm());
+        largest_m = moved.fold(largest_m, f64::max);
+    });
+    assert_eq!(outcome, ReplayOutcome::Same { fault: None });
+    assert!(largest_m > 1e-5, "0.1 N moved no node by more than {largest_m} m");
+}
+
 /// A copy of a run cannot copy the state of a library, and says so instead of going on with another state.
 #[test]
 fn a_copied_run_with_a_library_is_a_named_fault() {
