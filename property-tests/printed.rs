@@ -7,6 +7,7 @@ use std::process::Output;
 
 use base64::{Engine, prelude::BASE64_STANDARD};
 use serde_json::Value;
+use stickslip::scene::SHIPPED;
 
 use super::{Folder, stderr, stickslip};
 
@@ -162,4 +163,33 @@ fn frames_for_paraview_have_the_nodes_where_the_tip_holds_them() {
     // The tolerance is round-off of positions of centimetres.
     println!("RESIDUAL | the held tip | contact point of a frame for ParaView, m | 1e-15 | {off:.1e}");
     assert!(off <= 1e-15, "{off:e} m");
+}
+
+/// A scene that `init` prints is one that `init` writes, is read again, and is never written over another file; `list` has
+/// every shipped scene once.
+#[test]
+fn a_first_scene_is_printed_or_written_and_overwrites_nothing() {
+    let folder = Folder::new("printed-init");
+    let file = folder.path("first.toml");
+    let written = stickslip(&["init", &text(&file)]);
+    assert_eq!(written.status.code(), Some(0), "{}", stderr(&written));
+    let scene = fs::read_to_string(&file).expect("a scene");
+    let explained = stickslip(&["explain", &text(&file)]);
+    assert_eq!(explained.status.code(), Some(0), "{}", stderr(&explained));
+    let printed = stdout(&stickslip(&["init"]));
+    // The scene is named after its file.
+    let unnamed = |scene: &str| scene.lines().filter(|line| !line.starts_with("name")).collect::<Vec<_>>().join("\n");
+    assert_eq!(unnamed(&printed), unnamed(&scene));
+
+    fs::write(&file, "mine").expect("it can be written");
+    let refused = stickslip(&["init", &text(&file)]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(stderr(&refused).contains("first.toml"), "{}", stderr(&refused));
+    assert_eq!(fs::read_to_string(&file).expect("the file"), "mine");
+
+    let output = stickslip(&["list", "--json"]);
+    let listed: Value = serde_json::from_slice(&output.stdout).expect("JSON alone");
+    let names: Vec<&str> =
+        listed.as_array().expect("a list").iter().filter_map(|entry| entry["name"].as_str()).collect();
+    assert_eq!(names, SHIPPED.iter().map(|shipped| shipped.name).collect::<Vec<_>>());
 }
